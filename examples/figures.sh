@@ -326,6 +326,8 @@ navigating() {
   done
   echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree, the nodes of both machines on one bus"
   "${navigate[@]}" "${trees[@]}"
+  echo; echo "the same three journeys as in the README with an elastic catheter in the liver"
+  "$bin"/angio-simulate-loop navigate --targets 3 --first-seed 1 --threads "${THREADS:-1}" --catheter elastic
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
   "${navigate[@]}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --max-edge-mm 25 \

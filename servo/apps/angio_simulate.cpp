@@ -26,6 +26,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/simulation/nodes.hpp"
 #include "angio/types/channels.hpp"
+#include "catheter_options.hpp"
 #include "centered_option.hpp"
 #include "navigate_options.hpp"
 #include "patient_options.hpp"
@@ -146,6 +147,7 @@ struct Options {
   std::vector<int> region;             // x, y, width, height [px]; empty: the whole detector.
   std::optional<int> catheter_branch;  // With a catheter, its tip there.
   double catheter_mm = 30;
+  CatheterOptions catheter;
   bool xray_only = false;  // Another program on the bus is the C-arm.
   RunOptions run;          // Without a folder: on the bus.
 };
@@ -168,6 +170,7 @@ SimulateSettings effectiveSettings(const Options& o) {
   SimulateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   o.patient.applyTo(settings.patient);
+  o.catheter.applyTo(settings.catheter);
   settings.patient.fluoroscopy.seed = o.seed.value_or(settings.patient.fluoroscopy.seed);
   return settings;
 }
@@ -265,8 +268,9 @@ int simulate(const Options& o) {
   std::cout << "\n";
   if (catheter) {
     const CatheterTruth truth = machines.catheter()->catheter().truth();
-    std::cout << formatted("the catheter's tip is in branch %d, %.1f mm into it; it touched a wall %d times\n",
-                           truth.tip.branch, 1e3 * truth.tip.arc_m, truth.wall_contacts);
+    std::cout << formatted(
+        "the catheter's tip is in branch %d, %.1f mm into it; it touched a wall %d times, with %.2f N at most\n",
+        truth.tip.branch, 1e3 * truth.tip.arc_m, truth.wall_contacts, truth.max_tip_force_n);
   }
   return 0;
 }
@@ -306,6 +310,7 @@ int main(int argc, char** argv) {
                                  "With a catheter and its drive: the branch of the tree that its tip begins in")
                        ->check(angio::cli::wholeBetween(0, 1000000));
   app.addOption("--catheter-mm", o.catheter_mm, "How far into that branch")->check(between(0, 1500))->needs(catheter);
+  o.catheter.addTo(app);
   app.addFlag("--xray-only", o.xray_only, "Without a C-arm: another program on the bus says CARM_STATE")
       ->excludes(catheter)
       ->group(angio::cli::kFurtherOptions);

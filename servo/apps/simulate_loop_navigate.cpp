@@ -18,6 +18,7 @@
 #include "angio/results/film_writer.hpp"
 #include "angio/results/live_overlay.hpp"
 #include "angio/vessel/prune.hpp"
+#include "catheter_options.hpp"
 #include "simulate_loop.hpp"
 
 namespace angio::apps {
@@ -31,6 +32,7 @@ struct NavigateOptions {
   CampaignOptions campaign;
   int targets = 20, first_seed = 1, threads = 1;
   double max_edge_mm = 10;
+  CatheterOptions catheter;
 };
 
 // All that the settings file may say.
@@ -132,6 +134,15 @@ Json simulateTree(const std::string& file, const NavigateOptions& o, const Navig
   return navigateExperimentAsJson(name, rows);
 }
 
+Json catheterAsJson(const CatheterSettings& catheter) {
+  if (!catheter.elastic) return {{"model", "kinematic"}};
+  const ElasticCatheterSettings& elastic = *catheter.elastic;
+  return {{"model", "elastic"},
+          {"shaft_bending_n_mm2", elastic.shaft_bending_n_mm2},
+          {"tip_bending_n_mm2", elastic.tip_bending_n_mm2},
+          {"wall_friction", elastic.wall_friction}};
+}
+
 int simulateNavigation(const NavigateOptions& o, const NavigateSettings& settings, const CampaignRun& campaign) {
   Json json;
   for (const std::string& file : o.trees) {
@@ -140,6 +151,7 @@ int simulateNavigation(const NavigateOptions& o, const NavigateSettings& setting
     if (!goes_on) break;
   }
   if (!campaign.done()) return 0;
+  json["catheter"] = catheterAsJson(settings.parts.catheter);
   json = campaign.shown(std::move(json));
   const std::string table = navigateExperimentTable(json["trees"]);
   return report(std::move(json), table, settingsAsJson(settings), campaign.machine, o.out);
@@ -150,6 +162,7 @@ int simulateNavigation(const NavigateOptions& o, const Campaigns& campaigns) {
   if (!o.film.empty() && o.trees.size() > 1) throw InputError("--film", "", o.film, "is of one tree's first journey");
   NavigateSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
+  o.catheter.applyTo(settings.parts.catheter);
   CampaignJob job{o.campaign, o.out, o.targets, {}, [&](const CampaignRun& campaign) {
                     return simulateNavigation(o, settings, campaign);
                   }};
@@ -180,6 +193,7 @@ void addSimulateNavigate(cli::Command& app, Work& work, const Campaigns& campaig
                   "Where catheters come in: the tree is cut there, and its longer side stays: x,y,z [mm]")
       ->delimiter(',')
       ->expected(3);
+  o->catheter.addTo(*command);
   command->addOption("--first-seed", o->first_seed, "Seed of the first journey")
       ->check(cli::wholeBetween(0, 2147000000));
   command->addOption("--threads", o->threads, "Journeys at a time")->check(cli::wholeBetween(1, 256));

@@ -26,7 +26,7 @@ void rodStep(benchmark::State& state) {
   settings.tip_bending_n_m2 = 1e-6;
   settings.tip_length_m = 6e-3;
   settings.spacing_m = 1.5e-3;
-  rod::ElasticRod rod(rod::Lumen(tree), settings, map.before({deepest, 0}, 0.5 * map.start_m(deepest)), 0.5);
+  rod::ElasticRod rod(rod::Lumen(tree), settings, {map.before({deepest, 0}, 0.5 * map.start_m(deepest)), 0.5});
   int step = 0, iterations = 0, at_rest = 0;
   for (auto _ : state) {
     const double sign = step++ % 60 < 30 ? 1 : -1;

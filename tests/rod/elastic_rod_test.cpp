@@ -29,7 +29,7 @@ RodSettings plainRod() {
 
 // In a vessel so wide that nothing touches it.
 ElasticRod freeRod(const RodSettings& settings = plainRod()) {
-  return ElasticRod(Lumen(straightTube(0.2, 0.5, 5e-3)), settings, {0, kLength_m});
+  return ElasticRod(Lumen(straightTube(0.2, 0.5, 5e-3)), settings, {{0, kLength_m}});
 }
 
 Eigen::Vector3d tipOf(const ElasticRod& rod) { return rod.shape().points.rightCols<1>(); }
@@ -82,7 +82,7 @@ TEST(ElasticRod, BucklesInACylinderAsAHelix) {
   settings.wall_pa = 1e7;
   settings.end_wall_m = 0;
   constexpr double kRoom_m = 2e-3, kForce_n = 1;
-  ElasticRod rod(Lumen(straightTube(0.4, kRoom_m + settings.radius_m)), settings, {0, 0.35});
+  ElasticRod rod(Lumen(straightTube(0.4, kRoom_m + settings.radius_m)), settings, {{0, 0.35}});
   for (int k = 1; k <= 20; ++k) {
     rod.load({1e-3, 0, -kForce_n * std::min(k / 15.0, 1.0)});
     rod.move({0, 0.02});
@@ -106,11 +106,12 @@ TEST(ElasticRod, BucklesInACylinderAsAHelix) {
   EXPECT_NEAR(middle(wall_n_per_m), closed_n_per_m, 0.05 * closed_n_per_m);
 }
 
-// A tip that is bent without load is an arc: its end stands where the arc's does, towards the director.
-TEST(ElasticRod, ABentTipIsAnArc) {
-  ElasticRod rod = freeRod();
+// A bent tip without load is an arc and goes straight on behind it, towards the director.
+TEST(ElasticRod, ATipIsBentAsItsShapeIs) {
+  RodSettings settings = plainRod();
+  settings.tip_spacing_m = 0.5e-3;
+  ElasticRod rod = freeRod(settings);
   constexpr double kBend_rad = 1.2;
-  const double tip_m = plainRod().tip_length_m;
   for (int k = 0; k < 10; ++k) {
     rod.bend(kBend_rad * (k + 1) / 10);
     rod.move({});
@@ -118,8 +119,9 @@ TEST(ElasticRod, ABentTipIsAnArc) {
   ASSERT_TRUE(rod.effort().at_rest);
   EXPECT_LT(rod.effort().energy_j, 1e-9);
   const Eigen::Vector3d director = rod.shape().directors.col(0);
-  const double radius_m = tip_m / kBend_rad;
-  EXPECT_NEAR(tipOf(rod).head<2>().norm(), radius_m * (1 - std::cos(kBend_rad)), 0.1 * tip_m);  // A point is 2 mm.
+  const double aside_m = settings.bend_length_m / kBend_rad * (1 - std::cos(kBend_rad)) +
+                         (settings.tip_length_m - 0.5 * settings.bend_length_m) * std::sin(kBend_rad);
+  EXPECT_NEAR(tipOf(rod).head<2>().norm(), aside_m, 0.01 * aside_m);  // Points are a twelfth of the arc apart.
   EXPECT_NEAR(tipOf(rod).head<2>().normalized().dot(director.head<2>()), 1, 1e-6);
   // Turned by a quarter at its base, the tip is turned by as much: nothing holds it.
   for (int k = 0; k < 10; ++k) rod.move({0, kPi / 20});
@@ -133,7 +135,7 @@ TEST(ElasticRod, ABentTipIsAnArc) {
 TEST(ElasticRod, ComesBackToWhereItWas) {
   RodSettings settings;
   settings.friction = 0;
-  ElasticRod rod(Lumen(bentTube(0.06, 0.05, 1, 4e-3)), settings, {0, 0.08}, 0.4);
+  ElasticRod rod(Lumen(bentTube(0.06, 0.05, 1, 4e-3)), settings, {{0, 0.08}, 0.4});
   const Eigen::Vector3d before = tipOf(rod);
   const auto points = rod.shape().size();
   for (int k = 0; k < 30; ++k) rod.move({1e-3, 0.1});
@@ -152,7 +154,7 @@ TEST(ElasticRod, TakesTheBranchThatItsTipPointsTo) {
   settings.tip_bending_n_m2 = 5e-6;
   for (const double side : {1.0, -1.0}) {
     const VesselTree tree = forkedTube(0.06, 0.04, 0.5, 3e-3, 2e-3);
-    ElasticRod rod(Lumen(tree), settings, {0, 0.045});
+    ElasticRod rod(Lumen(tree), settings, {{0, 0.045}});
     const double towards_x = std::atan2(rod.shape().directors(1, 0), rod.shape().directors(0, 0));
     rod.bend(0.8);
     for (int k = 0; k < 16; ++k) rod.move({0, ((side > 0 ? 0 : kPi) - towards_x) / 16});

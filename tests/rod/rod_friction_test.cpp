@@ -31,7 +31,7 @@ TEST(ElasticRod, SlidesAroundABendAsARopeAroundACapstan) {
     settings.stretching_n = 1e4;
     settings.friction = mu;
     const double length_m = 2 * kStraight_m + kBend_m * angle;
-    ElasticRod rod(Lumen(bentTube(kStraight_m, kBend_m, angle, 1e-3)), settings, {0, length_m - 5e-3});
+    ElasticRod rod(Lumen(bentTube(kStraight_m, kBend_m, angle, 1e-3)), settings, {{0, length_m - 5e-3}});
     rod.load(kPull_n * Eigen::Vector3d(std::sin(angle), 0, std::cos(angle)));
     for (const double sign : {1, -1}) {  // Pulled back against friction; let in, and held by it.
       for (int k = 0; k < 10; ++k) rod.move({sign * -0.5e-3, 0});
@@ -49,7 +49,7 @@ TEST(ElasticRod, WindsUpAndSlidingLetsItOut) {
   settings.shaft_bending_n_m2 = settings.tip_bending_n_m2 = 1e-4;
   settings.friction = 0.3;
   constexpr double kStraight_m = 0.04, kBend_m = 0.03;
-  ElasticRod rod(Lumen(bentTube(kStraight_m, kBend_m, kPi / 2, 1e-3)), settings, {0, 0.1});
+  ElasticRod rod(Lumen(bentTube(kStraight_m, kBend_m, kPi / 2, 1e-3)), settings, {{0, 0.1}});
   const auto windUp = [&] { return -rod.shape().twists.sum(); };
   for (int k = 0; k < 40; ++k) rod.move({0, 0.05});
   ASSERT_TRUE(rod.effort().at_rest);
@@ -71,7 +71,7 @@ TEST(ElasticRod, WhatTheDrivePushesTheTipPushes) {
   RodSettings settings = thinRod();
   settings.friction = 0;
   settings.spacing_m = 3e-3;
-  ElasticRod rod(Lumen(straightTube(0.1, 1e-3)), settings, {0, 0.0995});
+  ElasticRod rod(Lumen(straightTube(0.1, 1e-3)), settings, {{0, 0.0995}});
   for (int k = 0; k < 10; ++k) rod.move({2e-4, 0});
   ASSERT_TRUE(rod.effort().at_rest);
   const RodForces forces = rod.forces();

@@ -212,6 +212,72 @@ TEST(SimulatedCatheter, ItsShapeStaysInTheLumenAndMovesWithTheTissue) {
   EXPECT_LT((catheter.truth().tip_model - device.points.rightCols<1>()).norm(), 1e-12);
 }
 
+CatheterSettings elasticCatheter(double roll_zero_deg = 0) {
+  CatheterSettings settings;
+  settings.elastic.emplace();
+  settings.roll_zero_deg = roll_zero_deg;
+  return settings;
+}
+
+TEST(ElasticCatheter, MovesTheSameHoweverOftenItIsAsked) {
+  SimulatedCatheter often(fork(), elasticCatheter(40), {0, 0.06}, 0), seldom(fork(), elasticCatheter(40), {0, 0.06}, 0);
+  for (std::int64_t now_us = 0, k = 1; now_us < 3'000'000; now_us += 500'000, ++k) {
+    for (auto* catheter : {&often, &seldom}) catheter->obey(catheterCommand(k, 0.02, 0.5, 0.3, now_us), now_us);
+    for (int part = 1; part <= 50; ++part) often.advance(now_us + part * 10'000);
+    seldom.advance(now_us + 500'000);
+    ASSERT_EQ(often.truth().tip_model, seldom.truth().tip_model);
+    ASSERT_EQ(often.state().insertion_force_n, seldom.state().insertion_force_n);
+  }
+  EXPECT_GT(often.truth().path_m, 0.1);
+}
+
+TEST(ElasticCatheter, EntersTheBranchThatItsTipPointsTo) {
+  const VesselTree tree = fork();
+  const TreeTopology map(tree);
+  for (const double zero_deg : {0.0, 90.0, 180.0, 270.0}) {
+    SimulatedCatheter catheter(tree, elasticCatheter(zero_deg), {0, 0.08}, 0);
+    const TreeFrame frame = map.frame({0, 0.08});
+    const double roll = degToRad(zero_deg);
+    const double towards_x = (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal).x();
+    EXPECT_NEAR(std::remainder(catheter.truth().roll_rad - roll, 2 * kPi), 0, 0.05);
+    if (std::abs(towards_x) < 0.5) continue;
+    drive(catheter, 4, 0.01);
+    ASSERT_NE(catheter.truth().tip.branch, 0);
+    EXPECT_GT(map.point({catheter.truth().tip.branch, 15e-3}).x() * towards_x, 0);
+  }
+}
+
+// What the drive pushes with is never much above what it can, however long it pushes: the catheter bulges outside, and
+// pulled back it first gives that back.
+TEST(ElasticCatheter, PushesAgainstTheEndWithWhatTheDriveCanAndNoMore) {
+  SimulatedCatheter catheter(fork(0.6e-3), elasticCatheter(), {1, 0.055}, 0);  // In a wider one it would fold.
+  drive(catheter, 3, 0.02);
+  const CatheterTruth truth = catheter.truth();
+  EXPECT_TRUE(truth.buckled);
+  EXPECT_TRUE(truth.touches_wall);
+  const double most_n = CatheterSettings().buckling_force_n;
+  EXPECT_GT(catheter.state().insertion_force_n, most_n);
+  EXPECT_LT(catheter.state().insertion_force_n, 1.5 * most_n);  // One step of 0.6 mm more.
+  EXPECT_GT(truth.tip_force_n, 0.3 * most_n);
+  EXPECT_GE(truth.max_tip_force_n, truth.tip_force_n);
+  drive(catheter, 4, -0.02);
+  EXPECT_LT(catheter.state().insertion_force_n, 0.1);  // Its bends still push it out.
+  EXPECT_LT(catheter.truth().tip_force_n, 0.1);
+}
+
+TEST(ElasticCatheter, ItsShapeMovesWithTheTissue) {
+  const VesselTree tree = fork();
+  SimulatedCatheter catheter(tree, elasticCatheter(), {0, 0.09}, 0);
+  drive(catheter, 2, 0.01);
+  const Device device = catheter.device(tree.points());
+  device.check();
+  EXPECT_EQ(device.points.col(0), tree.points().col(0));
+  EXPECT_EQ(device.points.rightCols<1>(), catheter.truth().tip_model);
+  const Eigen::Vector3d shift(1e-3, 2e-3, 3e-3);
+  const Device moved = catheter.device(tree.points().colwise() + shift);
+  EXPECT_LT(((moved.points - device.points).colwise() - shift).norm(), 1e-12);
+}
+
 TEST(SimulatedCatheter, RefusesAStartThatIsNoPlaceOfTheTree) {
   EXPECT_NE(test::refusalOf([] { SimulatedCatheter(fork(), {}, {7, 0}, 0); }).find("chain"), std::string::npos);
   EXPECT_NE(test::refusalOf([] { SimulatedCatheter(fork(), {}, {0, 0.2}, 0); }).find("arc_m"), std::string::npos);

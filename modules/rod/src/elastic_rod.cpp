@@ -15,9 +15,15 @@ namespace {
 constexpr double kMaxStep_m = 1e-3, kMaxStep_rad = 0.2;  // Of the drive, in one step.
 constexpr double kLongest = 1.6, kShortest = 0.4;        // Of the first edge, by the spacing.
 
+// Length that two intervals have in common, each given by its middle and its length.
+double overlap(double middle_a, double length_a, double middle_b, double length_b) {
+  return std::min(middle_a + 0.5 * length_a, middle_b + 0.5 * length_b) -
+         std::max(middle_a - 0.5 * length_a, middle_b - 0.5 * length_b);
+}
+
 // Between a point of the rod and the next one up the rod.
 double spacingAt(const RodSettings& settings, double from_tip_m) {
-  const double beyond_m = from_tip_m - settings.tip_length_m;
+  const double beyond_m = from_tip_m - settings.tip_length_m - 0.5 * settings.bend_length_m;
   if (beyond_m < 0) return settings.tip_spacing_m;
   return std::min(settings.spacing_m, settings.tip_spacing_m + 0.2 * beyond_m);
 }
@@ -28,14 +34,15 @@ ElasticRod::ElasticRod(ElasticRod&&) noexcept = default;
 ElasticRod& ElasticRod::operator=(ElasticRod&&) noexcept = default;
 ElasticRod::~ElasticRod() = default;
 
-ElasticRod::ElasticRod(Lumen lumen, const RodSettings& settings, const TreeLocation& tip, double bend_rad)
-    : lumen_(std::move(lumen)), settings_(checked("rod", settings)), bend_rad_(bend_rad) {
-  layOut(tip);
+ElasticRod::ElasticRod(Lumen lumen, const RodSettings& settings, const RodStart& start)
+    : lumen_(std::move(lumen)), settings_(checked("rod", settings)), bend_rad_(start.bend_rad) {
+  layOut(start);
   setSections();
   rest();
 }
 
-void ElasticRod::layOut(const TreeLocation& tip) {
+void ElasticRod::layOut(const RodStart& start) {
+  const TreeLocation& tip = start.tip;
   const TreeTopology& map = lumen_.map();
   inserted_m_ = map.start_m(tip.branch) + tip.arc_m;
   requireBetween("rod", "tip's way from the root [m]", inserted_m_, kMinInserted_m, 10);
@@ -61,7 +68,7 @@ void ElasticRod::layOut(const TreeLocation& tip) {
     tubes_[static_cast<std::size_t>(i)] = lumen_.tubeAt(place);
     before = s;
   }
-  shape_ = untwistedRod(points, entry.normal);
+  shape_ = untwistedRod(points, std::cos(start.roll_rad) * entry.normal + std::sin(start.roll_rad) * entry.binormal);
 }
 
 void ElasticRod::setSections() {
@@ -77,7 +84,9 @@ void ElasticRod::setSections() {
     section.twisting_n_m2 = settings_.twist_per_bending * section.bending_n_m2;
     section.stretching_n = settings_.stretching_n;
     section.curvature_per_m.setZero();
-    if (from_tip_m < settings_.tip_length_m) section.curvature_per_m[0] = bend_rad_ / settings_.tip_length_m;
+    const double share_m = i > 0 && i + 1 < n ? body_.share_m(i) : 0;
+    const double bent_m = overlap(from_tip_m, share_m, settings_.tip_length_m, settings_.bend_length_m);
+    if (bent_m > 0) section.curvature_per_m[0] = bent_m / share_m * bend_rad_ / settings_.bend_length_m;
     if (i > 0) from_tip_m += body_.lengths_m[i - 1];
   }
 }

@@ -1,97 +1,57 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/simulation/simulated_catheter.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/simulation/fluoroscopy.hpp"
 #include "angio/simulation/namespace.hpp"
 #include "angio/vessel/tree_topology.hpp"
+#include "catheter_body.hpp"
+#include "elastic_catheter.hpp"
+#include "kinematic_catheter.hpp"
 
 namespace angio::simulation {
 namespace {
 
-constexpr double kStep_m = 1e-3;
-constexpr int kRounds = 30;  // Of smoothing: rounds off what is shorter than about sqrt(30) steps.
-
-// The line of a catheter, 3 x N [m], tip last, where the tree's points stand at `points`: as straight as the lumen
-// lets it be, and its last `tip_length_m` leaning over to `deflected_m` at the end.
-//
-// @param path  Branches from the root to the tip, which is `tip_m` along them. @param tree  With all radii known.
-Eigen::Matrix3Xd catheterShape(const TreeTopology& map, const VesselTree& tree, const Eigen::Matrix3Xd& points,
-                               const std::vector<int>& path, double tip_m, double radius_m, double tip_length_m,
-                               const Eigen::Vector3d& deflected_m) {
-  const int steps = std::max(1, static_cast<int>(std::ceil(tip_m / kStep_m)));
-  Eigen::Matrix3Xd center(3, steps + 1);
-  Eigen::VectorXd lab(steps + 1);
-  std::size_t k = 0;
-  for (int i = 0; i <= steps; ++i) {
-    const double s = tip_m * i / steps;
-    while (k + 1 < path.size() && s > map.start_m(path[k + 1])) ++k;
-    const EdgePoint at = map.spot({path[k], s - map.start_m(path[k])});
-    center.col(i) = (1 - at.weight) * points.col(at.a) + at.weight * points.col(at.b);
-    lab[i] = std::max((1 - at.weight) * *tree.radii()[at.a] + at.weight * *tree.radii()[at.b] - radius_m, 0.0);
-  }
-  const auto heldInside = [&](int i, const Eigen::Vector3d& p) -> Eigen::Vector3d {
-    const Eigen::Vector3d off = p - center.col(i);
-    const double distance = off.norm();
-    return distance > lab[i] ? Eigen::Vector3d(center.col(i) + lab[i] / distance * off) : p;
-  };
-  Eigen::Matrix3Xd line = center;
-  for (int round = 0; round < kRounds; ++round) {
-    for (int i = 1; i < steps; ++i) {
-      line.col(i) = heldInside(i, 0.25 * line.col(i - 1) + 0.5 * line.col(i) + 0.25 * line.col(i + 1));
-    }
-  }
-  for (int i = 0; i <= steps; ++i) {
-    const double from_bend = 1 - (tip_m - tip_m * i / steps) / tip_length_m;
-    if (from_bend > 0) line.col(i) = heldInside(i, line.col(i) + from_bend * from_bend * deflected_m);
-  }
-  return line;
-}
-
 constexpr std::int64_t kStepUs = 5'000;
-constexpr double kMaxSlide_m = 0.5e-3;      // In one step: what springs forward passes its forks one by one.
-constexpr double kRest_m = 1e-9;            // Less than that is no motion.
-constexpr double kParted_m = 1e-3;          // Beyond where ways part, they have directions of their own.
 constexpr double kPlausibleEnd_m = 0.6e-3;  // Radius where the tree ends, if it does not say: the renderer's default.
-
 constexpr double kNoEnd = std::numeric_limits<double>::infinity();  // Of roll.
-const Eigen::Vector3d kNearest(0, -kNoEnd, 0);                      // Where the drive's base ends.
-
-// A play operator: what follows `input` with a dead band of `half_width` to either side.
-double followed(double output, double input, double half_width) {
-  return std::clamp(output, input - half_width, input + half_width);
-}
 
 }  // namespace
+
+std::unique_ptr<CatheterBody> makeCatheterBody(const VesselTree& tree, const CatheterSettings& settings,
+                                               const TreeLocation& start) {
+  if (settings.elastic) return std::make_unique<ElasticCatheter>(tree, settings, start);
+  return std::make_unique<KinematicCatheter>(tree, settings, start);
+}
 
 SimulatedCatheter::SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings,
                                      const TreeLocation& start, std::int64_t now_us, const ReceiverSettings& receiver)
     : CommandReceiver(receiver),
       settings_(checked("catheter", settings)),
       tree_(withPlausibleRadii(tree, kPlausibleEnd_m)),
-      map_(tree_),
       now_us_(now_us),
       settled_us_(now_us - now_us % kStepUs),
       stop_us_(now_us) {
-  if (start.branch < 0 || start.branch >= map_.branchCount()) {
+  const TreeTopology map(tree_);
+  if (start.branch < 0 || start.branch >= map.branchCount()) {
     throw InputError("catheter start", "chain", std::to_string(start.branch),
-                     "must be one of the tree's " + std::to_string(map_.branchCount()) + " branches");
+                     "must be one of the tree's " + std::to_string(map.branchCount()) + " branches");
   }
-  requireBetween("catheter start", "arc_m", start.arc_m, 0, map_.length_m(start.branch));
-  path_ = map_.pathTo(start.branch);
-  tip_m_ = map_.start_m(start.branch) + start.arc_m;
-  requireBetween("catheter start", "path_m", tip_m_, 0, 1e-3 * settings_.length_mm);
-  roll_rad_ = 0;
-  origin_ = settled_ = Base(tip_m_, 0, 0);
-  feel(tip_m_);
+  requireBetween("catheter start", "arc_m", start.arc_m, 0, map.length_m(start.branch));
+  const double tip_m = map.start_m(start.branch) + start.arc_m;
+  requireBetween("catheter start", "path_m", tip_m, 0, 1e-3 * settings_.length_mm);
+  body_ = makeCatheterBody(tree_, settings_, start);
+  origin_ = settled_ = Base(tip_m, 0, 0);
 }
+
+SimulatedCatheter::SimulatedCatheter(SimulatedCatheter&&) noexcept = default;
+SimulatedCatheter& SimulatedCatheter::operator=(SimulatedCatheter&&) noexcept = default;
+SimulatedCatheter::~SimulatedCatheter() = default;
 
 void SimulatedCatheter::obey(const CatheterCommand& command, std::int64_t now_us, const std::string& sender) {
   advance(now_us);
@@ -110,16 +70,16 @@ void SimulatedCatheter::advance(std::int64_t now_us) {
   while (now_us - settled_us_ >= kStepUs) {
     settled_us_ += kStepUs;
     const Base base = baseAt(settled_us_);
-    const double tip_m = tip_m_;
     const bool still = base == settled_;
-    settle(base);
+    settled_ = base;
+    const bool moves = body_->settle(base);
     // Nothing moves and nothing will: the rest of the time passes at once.
-    if (still && std::abs(tip_m_ - tip_m) < kRest_m && settled_us_ >= stop_us_) {
-      settled_us_ = now_us - now_us % kStepUs;
-    }
+    if (still && !moves && settled_us_ >= stop_us_) settled_us_ = now_us - now_us % kStepUs;
   }
   now_us_ = now_us;
 }
+
+SimulatedCatheter::Base SimulatedCatheter::nearest() const { return {body_->minInsertion_m(), -kNoEnd, 0}; }
 
 SimulatedCatheter::Base SimulatedCatheter::furthest() const {
   return {1e-3 * settings_.length_mm, kNoEnd, degToRad(settings_.max_bend_deg)};
@@ -127,42 +87,30 @@ SimulatedCatheter::Base SimulatedCatheter::furthest() const {
 
 SimulatedCatheter::Base SimulatedCatheter::baseAt(std::int64_t time_us) const {
   const double passed_s = 1e-6 * static_cast<double>(std::min(time_us, stop_us_) - command_us_);
-  return (origin_ + speeds_ * passed_s).cwiseMax(kNearest).cwiseMin(furthest());
+  return (origin_ + speeds_ * passed_s).cwiseMax(nearest()).cwiseMin(furthest());
 }
 
 CatheterState SimulatedCatheter::state() const {
   CatheterState state;
   state.time_us = now_us_;
-  const Base base = baseAt(now_us_), far = furthest();
+  const Base base = baseAt(now_us_), near = nearest(), far = furthest();
   state.insertion_m = base[0];
   state.roll_rad = base[1];
   state.bend_rad = base[2];
   if (now_us_ < stop_us_) {
     const auto speed = [&](int i) {
-      const bool at_end = (speeds_[i] > 0 && base[i] >= far[i]) || (speeds_[i] < 0 && base[i] <= kNearest[i]);
+      const bool at_end = (speeds_[i] > 0 && base[i] >= far[i]) || (speeds_[i] < 0 && base[i] <= near[i]);
       return at_end ? 0.0 : speeds_[i];
     };
     state.insertion_speed_m_per_s = speed(0);
     state.roll_speed_rad_per_s = speed(1);
     state.bend_speed_rad_per_s = speed(2);
   }
-  state.insertion_force_n = force_n_;
+  state.insertion_force_n = body_->insertionForce_n();
   return state;
 }
 
-CatheterTruth SimulatedCatheter::truth() const {
-  CatheterTruth truth;
-  truth.tip = placeAt(tip_m_);
-  truth.path_m = tip_m_;
-  truth.tip_model = device(tree_.points()).points.rightCols<1>();
-  truth.direction_model = heldDirection();
-  truth.roll_rad = roll_rad_ + degToRad(settings_.roll_zero_deg);
-  truth.bend_rad = degToRad(settings_.tip_angle_deg) + bend_rad_;
-  truth.touches_wall = touches_;
-  truth.buckled = buckled_;
-  truth.wall_contacts = contacts_;
-  return truth;
-}
+CatheterTruth SimulatedCatheter::truth() const { return body_->truth(); }
 
 Device SimulatedCatheter::device(const Eigen::Matrix3Xd& points) const {
   Device device;
@@ -170,141 +118,8 @@ Device SimulatedCatheter::device(const Eigen::Matrix3Xd& points) const {
   device.attenuation_per_m = settings_.attenuation_per_m;
   device.marker_length_m = 1e-3 * settings_.marker_length_mm;
   device.marker_attenuation_per_m = settings_.marker_length_mm > 0 ? 4000 : 0;
-  const double tip_length_m = 1e-3 * settings_.tip_length_mm, lumen = deflection_m(placeAt(tip_m_));
-  const TreeFrame frame = map_.frame(placeAt(tip_m_));
-  const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
-  const Eigen::Vector3d sideways = std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal;
-  device.points =
-      catheterShape(map_, tree_, points, path_, tip_m_, 0.5 * device.diameter_m, tip_length_m, lumen * sideways);
+  device.points = body_->line(points);
   return device;
-}
-
-void SimulatedCatheter::settle(const Base& base) {
-  settled_ = base;
-  const double bends = std::exp(settings_.friction * map_.turned_rad(placeAt(tip_m_)));
-  const double wind_up = degToRad(settings_.wind_up_deg_per_m) * tip_m_ * bends;
-  roll_rad_ = followed(roll_rad_, base[1], 0.5 * degToRad(settings_.roll_backlash_deg) + wind_up);
-  bend_rad_ = followed(bend_rad_, base[2], 0.5 * degToRad(settings_.bend_backlash_deg));
-  const double before_m = tip_m_;
-  slide(base[0]);
-  // A shaft that slides has its friction along itself and none about itself: what was wound up comes out at the tip.
-  const double let_out = 1 - std::exp(-std::abs(tip_m_ - before_m) / (1e-3 * settings_.unwind_mm));
-  const double lag = base[1] - roll_rad_, play = 0.5 * degToRad(settings_.roll_backlash_deg);
-  roll_rad_ += let_out * (lag - std::clamp(lag, -play, play));
-  feel(base[0]);
-}
-
-double SimulatedCatheter::freePlay() const {
-  return 0.5e-3 * settings_.insertion_backlash_mm +
-         1e-3 * settings_.slack_mm_per_rad * map_.turned_rad(placeAt(tip_m_));
-}
-
-double SimulatedCatheter::slidingForce() const {
-  return settings_.drag_n_per_m * tip_m_ * std::exp(settings_.friction * map_.turned_rad(placeAt(tip_m_)));
-}
-
-void SimulatedCatheter::slide(double insertion_m) {
-  const double pushed = insertion_m - tip_m_;
-  const double held = freePlay() + slidingForce() / settings_.stiffness_n_per_m;
-  blocked_ = false;
-  if (pushed > held + kRest_m) {
-    const bool buckles = slidingForce() >= settings_.buckling_force_n;
-    blocked_ = buckles || !advanceTip(std::min(pushed - held, kMaxSlide_m));
-  } else if (pushed < -held - kRest_m) {
-    retractTip(std::min(-pushed - held, kMaxSlide_m));
-  }
-}
-
-bool SimulatedCatheter::advanceTip(double step_m) {
-  const int branch = path_.back();
-  const double left_m = map_.start_m(branch) + map_.length_m(branch) - tip_m_;
-  if (step_m < left_m) {
-    const TreeLocation ahead = placeAt(tip_m_ + step_m);
-    if (radius(ahead) < 0.5e-3 * settings_.diameter_mm) return false;
-    tip_m_ += step_m;
-    return true;
-  }
-  if (map_.children(branch).empty()) return false;
-  double beside = 0;
-  const int child = choose(branch, &beside);
-  if (beside > degToRad(settings_.cone_deg)) return false;
-  path_.push_back(child);
-  tip_m_ += left_m;
-  return true;
-}
-
-void SimulatedCatheter::retractTip(double step_m) {
-  tip_m_ = std::max(tip_m_ - step_m, 0.0);
-  while (path_.size() > 1 && tip_m_ < map_.start_m(path_.back())) path_.pop_back();
-}
-
-// The child through which that way leads whose lumen the free tip points least beside, and how far beside. The tip
-// decides where the ways part, before which all of them are one lumen, and by where they have got to along its own
-// length: it is too stiff for what turns back and forth in less.
-int SimulatedCatheter::choose(int branch, double* worst) const {
-  const Eigen::Vector3d tip = freeDirection();
-  const double lever_m = std::max(1e-3 * settings_.tip_length_mm, map_.parting_m(branch) + kParted_m);
-  int best = map_.children(branch).front();
-  double least = 1e9;
-  for (const TreeRoute& route : map_.routesFrom(branch, lever_m)) {
-    const double angle = std::acos(std::clamp(tip.dot(route.direction), -1.0, 1.0));
-    const double lumen = std::atan2(route.radius_m, lever_m);
-    if (angle - lumen < least) least = angle - lumen, best = route.child;
-  }
-  *worst = least;
-  return best;
-}
-
-void SimulatedCatheter::feel(double insertion_m) {
-  const double pushed = insertion_m - tip_m_, taut = std::max(std::abs(pushed) - freePlay(), 0.0);
-  const double wanted = settings_.stiffness_n_per_m * taut;
-  buckled_ = blocked_ && wanted > settings_.buckling_force_n;
-  force_n_ = std::copysign(std::min(wanted, settings_.buckling_force_n), pushed);
-  const Eigen::Vector3d free = freeDirection(), held = heldDirection();
-  tip_force_n_ = settings_.tip_stiffness_n_per_rad * std::acos(std::clamp(free.dot(held), -1.0, 1.0));
-  if (blocked_) {
-    const double lost = std::exp(-settings_.friction * map_.turned_rad(placeAt(tip_m_)));
-    tip_force_n_ += std::max(force_n_ - slidingForce(), 0.0) * lost;
-  }
-  // Counted anew only after the tip has come half free, or one that trembles would be many.
-  const bool touches = tip_force_n_ > (touches_ ? 0.5 : 1.0) * settings_.contact_force_n;
-  contacts_ += touches && !touches_;
-  touches_ = touches;
-}
-
-double SimulatedCatheter::radius(const TreeLocation& place) const {
-  const EdgePoint at = map_.spot(place);
-  return (1 - at.weight) * *tree_.radii()[at.a] + at.weight * *tree_.radii()[at.b];
-}
-
-TreeLocation SimulatedCatheter::placeAt(double path_m) const {
-  auto branch = path_.rbegin();
-  while (branch + 1 != path_.rend() && path_m < map_.start_m(*branch)) ++branch;
-  return {*branch, path_m - map_.start_m(*branch)};
-}
-
-// How far the tip's end stands beside the centreline [m]: as its bend has it, or as far as the lumen lets it.
-double SimulatedCatheter::deflection_m(const TreeLocation& place) const {
-  const double bend = std::min(degToRad(settings_.tip_angle_deg) + bend_rad_, 0.5 * kPi);
-  return std::min(1e-3 * settings_.tip_length_mm * std::sin(bend),
-                  std::max(radius(place) - 0.5e-3 * settings_.diameter_mm, 0.0));
-}
-
-Eigen::Vector3d SimulatedCatheter::freeDirection() const {
-  const TreeFrame frame = map_.frame(placeAt(tip_m_));
-  const double bend = degToRad(settings_.tip_angle_deg) + bend_rad_;
-  const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
-  return std::cos(bend) * frame.along +
-         std::sin(bend) * (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal);
-}
-
-Eigen::Vector3d SimulatedCatheter::heldDirection() const {
-  const TreeLocation tip = placeAt(tip_m_);
-  const TreeFrame frame = map_.frame(tip);
-  const double roll = roll_rad_ + degToRad(settings_.roll_zero_deg);
-  // The deflection grows as the square of the way from the bend: at its end it rises twice as steeply as on average.
-  const double slope = 2 * deflection_m(tip) / (1e-3 * settings_.tip_length_mm);
-  return (frame.along + slope * (std::cos(roll) * frame.normal + std::sin(roll) * frame.binormal)).normalized();
 }
 
 }  // namespace angio::simulation

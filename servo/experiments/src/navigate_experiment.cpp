@@ -252,6 +252,7 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
     ++row.frames;
     row.held += report->hold_reason.has_value();
     row.max_force_n = std::max(row.max_force_n, std::abs(input.drive.insertion_force_n));
+    row.max_tip_force_n = truth.max_tip_force_n;
     row.wall_contacts = truth.wall_contacts;
     row.time_s = journey.lab().now_s();
     const NavigationState state = journey.catheter().loop().navigation();
@@ -295,7 +296,8 @@ const std::vector<Column<NavigateResult>>& navigateColumns() {
       {"believed", "believed", "sum", [](R r) { return r.errors_m.size(); }},
       {"within_1.5", "near", "sum", near},
       {"near_of_all", "near_of_all", "sum", [](R r) { return r.near_of_all; }},
-      {"", "max_force_n", "max", [](R r) { return r.max_force_n; }},
+      {"max_force_n", "max_force_n", "max", [](R r) { return r.max_force_n; }},
+      {"max_tip_force_n", "max_tip_force_n", "max", [](R r) { return r.max_tip_force_n; }},
       {"", "frames", "sum", [](R r) { return r.frames; }},
       {"", "held", "sum", [](R r) { return r.held; }},
       {"", "limits_exceeded", "sum", [](R r) { return r.breach.has_value(); }},
@@ -323,9 +325,11 @@ Json navigateExperimentAsJson(const std::string& tree_name, const std::vector<Na
 
 std::string navigateExperimentTable(const Json& trees) {
   std::string table =
-      "navigate                   reached   forks  misses   views    wall contacts     force   within      believed "
+      "navigate                   reached   forks  misses   views    wall contacts     force  tip's force   within     "
+      " believed "
       "        tip error mm     within     held  limits         time s\n"
-      "                                                              median (most)    most N   1.5 mm        frames "
+      "                                                              median (most)    most N       most N   1.5 mm     "
+      "   frames "
       "       median (95 %)     1.5 mm   frames  broken  median (most)\n";
   for (Json tree : trees) {
     const auto percent = [&](const char* of, const char* all) {
@@ -335,7 +339,8 @@ std::string navigateExperimentTable(const Json& trees) {
     tree["held_percent"] = percent("held", "frames");
     table += filled(
         "{tree:%-24s} {reached:%4d} / {targets:%2d} {forks:%7d} {misses:%7d} {views:%7d} "
-        "{wall_contacts/median:%10.0f} ({wall_contacts/max:%3.0f}) {max_force_n:%9.2f} {100*within_1.5_of_all:%6.1f "
+        "{wall_contacts/median:%10.0f} ({wall_contacts/max:%3.0f}) {max_force_n:%9.2f} {max_tip_force_n:%12.2f} "
+        "{100*within_1.5_of_all:%6.1f "
         "%%} "
         "{believed_percent:%11.1f %%} {tip_error_mm/median:%11.2f} ({tip_error_mm/p95:%5.2f}) "
         "{100*tip_error_mm/within_1.5:%8.1f %%} {held_percent:%6.1f %%} {limits_exceeded:%7d} {time_s/median:%7.0f} "

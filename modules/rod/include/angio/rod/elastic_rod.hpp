@@ -13,6 +13,13 @@ namespace angio::rod {
 class BandedSystem;
 struct SlidingPoint;
 
+/// How a rod is laid into the vessels.
+struct RodStart {
+  TreeLocation tip;
+  double bend_rad = 0;  ///< As ElasticRod::bend.
+  double roll_rad = 0;  ///< Of the director against the vessel's normal at the root, clockwise as seen towards the tip.
+};
+
 /// What a drive does to a rod in one step.
 struct RodMotion {
   double inserted_m = 0;  ///< Pushed in; pulled back < 0.
@@ -42,9 +49,9 @@ struct RodEffort {
 /// in turns). Newton's method, begun from where the rod was, pushed along itself. Inertia and blood are left out.
 class ElasticRod {
  public:
-  /// Laid along the vessels with its tip at `tip`, its director as the vessel's normal at the root, and brought to
-  /// rest. Throws InputError when a setting is out of its range or `tip` is nearer to the root than kMinInserted_m.
-  ElasticRod(Lumen lumen, const RodSettings& settings, const TreeLocation& tip, double bend_rad = 0);
+  /// Laid along the vessels without twist, and brought to rest. Throws InputError when a setting is out of its range or
+  /// the tip is nearer to the root than kMinInserted_m.
+  ElasticRod(Lumen lumen, const RodSettings& settings, const RodStart& start);
   ElasticRod(ElasticRod&&) noexcept;
   ElasticRod& operator=(ElasticRod&&) noexcept;
   ~ElasticRod();
@@ -52,7 +59,7 @@ class ElasticRod {
   /// It is never pulled out further than that.
   static constexpr double kMinInserted_m = 10e-3;
 
-  /// The angle by which the tip is bent without load, evenly over its length, towards the director [rad].
+  /// The angle by which the tip is bent without load, evenly over its bend, towards the director [rad].
   void bend(double angle_rad);
 
   /// A constant force on the tip's end, model axes [N].
@@ -71,7 +78,7 @@ class ElasticRod {
   RodForces forces() const;
 
  private:
-  void layOut(const TreeLocation& tip);
+  void layOut(const RodStart& start);
   void setSections();
   void slideBy(double inserted_m);
   void fitPoints();

@@ -20,7 +20,8 @@ struct RodSettings {
   double tip_bending_n_m2 = 4e-5;
   double soft_length_m =
       60e-3;  ///< Over which the shaft becomes as soft as the tip, which is as soft in all its length.
-  double tip_length_m = 15e-3;   ///< That is bent: by its shape, and by steering.
+  double tip_length_m = 15e-3;   ///< From the middle of its bend to its end.
+  double bend_length_m = 6e-3;   ///< Of the bend: by its shape, and by steering.
   double twist_per_bending = 1;  ///< G J / E I: 0.77 of a plain tube with a Poisson's ratio of 0.3, more with a braid.
   double stretching_n = 200;     ///< E A.
   double friction = 0.05;
@@ -36,6 +37,7 @@ struct RodSettings {
     v.fixed("tip_bending_n_m2", tip_bending_n_m2, 1e-8, 1);
     v.fixed("soft_length_m", soft_length_m, 1e-3, 1);
     v.fixed("tip_length_m", tip_length_m, 1e-3, 0.1);
+    v.fixed("bend_length_m", bend_length_m, 1e-4, 2 * tip_length_m);
     v.fixed("twist_per_bending", twist_per_bending, 0.1, 100);
     v.fixed("stretching_n", stretching_n, 1, 1e6);
     v.fixed("friction", friction, 0, 1);

@@ -1,10 +1,29 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <optional>
+
 #include "angio/base/settings.hpp"
 #include "angio/simulation/namespace.hpp"
 
 namespace angio::simulation {
+
+/// What an elastic catheter is like beside CatheterSettings; a wall's friction takes the place of `friction` there.
+///
+/// The defaults are of a microcatheter's soft end: a tube of 0.7 mm outside, 0.45 mm inside and 0.3 GPa has 3 N mm^2.
+/// One of 5 French and a braided shaft has some 200 N mm^2 (sources: rod::RodSettings).
+struct ElasticCatheterSettings {
+  double shaft_bending_n_mm2 = 3;  ///< E I.
+  double tip_bending_n_mm2 = 1;    ///< The same of the tip; the 60 mm behind it lead over.
+  double wall_friction = 0.05;     ///< Coulomb's coefficient.
+
+  /// Only checks: these are no keys of settings files.
+  void visit(SettingsVisitor& v) {
+    v.fixed("shaft_bending_n_mm2", shaft_bending_n_mm2, 0.1, 1e4);
+    v.fixed("tip_bending_n_mm2", tip_bending_n_mm2, 0.1, 1e4);
+    v.fixed("wall_friction", wall_friction, 0, 0.5);
+  }
+};
 
 /// What a simulated catheter is like. The defaults are plausible for a steerable microcatheter of 2.1 French; they are
 /// nobody's measurement. Bands of platinum and iridium, or of gold, are what marks catheters' tips under fluoroscopy
@@ -18,6 +37,7 @@ struct CatheterSettings {
   double max_bend_deg = 90;
   double roll_zero_deg = 0;
   double length_mm = 1500;
+  std::optional<ElasticCatheterSettings> elastic;  ///< Nothing: the body is kinematic.
 
   double insertion_backlash_mm = 0.6;
   double roll_backlash_deg = 6;
@@ -57,6 +77,7 @@ struct CatheterSettings {
     v.number("max_insertion_speed_mm_per_s", max_insertion_speed_mm_per_s, 0.1, 200, "Largest speed of the insertion");
     v.number("max_roll_speed_deg_per_s", max_roll_speed_deg_per_s, 1, 3600, "Largest speed of the roll");
     v.number("max_bend_speed_deg_per_s", max_bend_speed_deg_per_s, 1, 720, "Largest speed of the bend");
+    if (elastic) elastic->visit(v);
   }
 };
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
+#include <memory>
 
 #include "angio/simulation/catheter_settings.hpp"
 #include "angio/simulation/device.hpp"
@@ -18,25 +18,29 @@ struct CatheterTruth {
   double path_m = 0;                                           ///< From the root to there.
   Eigen::Vector3d tip_model = Eigen::Vector3d::Zero();         ///< The tip's end, beside the centreline [m].
   Eigen::Vector3d direction_model = Eigen::Vector3d::UnitZ();  ///< In which it points, as far as the lumen lets it.
-  double roll_rad = 0;        ///< Of the tip, against the vessel's frame (TreeTopology::frame).
-  double bend_rad = 0;        ///< Between the tip and the catheter behind it, if nothing held it.
-  bool touches_wall = false;  ///< The wall holds the tip by more than what counts as a contact.
-  bool buckled = false;       ///< The drive pushes, and the catheter bulges instead of going on.
-  int wall_contacts = 0;      ///< Since the start, each counted once.
+  double roll_rad = 0;         ///< Of the tip, against the vessel's frame (TreeTopology::frame).
+  double bend_rad = 0;         ///< Between the tip and the catheter behind it, if nothing held it.
+  bool touches_wall = false;   ///< The wall holds the tip by more than what counts as a contact.
+  bool buckled = false;        ///< The drive pushes, and the catheter bulges instead of going on.
+  int wall_contacts = 0;       ///< Since the start, each counted once.
+  double tip_force_n = 0;      ///< Of the wall on the tip [N]; of an elastic catheter, from its bend to its end.
+  double max_tip_force_n = 0;  ///< The largest since the start [N], at every step of 5 ms.
 };
+
+class CatheterBody;
 
 /// A catheter with a bent tip in a vessel tree, moved by a drive at its base; quasi-static.
 ///
-/// Its body follows the vessels. Between base and tip lie backlash, slack in bends, friction that grows with all bends
-/// passed (capstan), wind-up of the shaft, which sliding lets out again, and buckling. At a fork it enters the branch
-/// that its free tip points to best, where the branches' lumens part; where it points into none, it stands against the
-/// wall. A tip goes no further than the tree or where the lumen is narrower than itself.
+/// Its body is kinematic or elastic, as the settings choose. A kinematic one follows the vessels. Between base and tip
+/// lie backlash, slack in bends, friction that grows with all bends passed (capstan), wind-up of the shaft, which
+/// sliding lets out again, and buckling. At a fork it enters the branch that its free tip points to best, where the
+/// branches' lumens part; where it points into none, it stands against the wall. A tip goes no further than the tree or
+/// where the lumen is narrower than itself. These parts and their magnitudes are our own assumptions, plausible for a
+/// microcatheter and nobody's measurement. An elastic one is an ElasticRod between the walls, whose forces make all of
+/// this but the drive's backlash; where it is pushed with more than `buckling_force_n`, it bulges outside the vessels.
 ///
 /// The base follows commands exactly, the rest is computed every 5 ms of its own time: it does not depend on how often
 /// `advance` is called. When the last command has run out the drive stands still: silence means stop.
-///
-/// The parts and their magnitudes are our own assumptions, plausible for a microcatheter and nobody's measurement:
-/// friction by Euler's and Eytelwein's capstan equation, wind-up of the shaft as a play operator.
 class SimulatedCatheter : public CommandReceiver {
  public:
   /// With its tip at `start` at the time `now_us` [us], nothing wound up. Radii that the tree does not know are filled
@@ -44,6 +48,11 @@ class SimulatedCatheter : public CommandReceiver {
   /// places.
   SimulatedCatheter(const VesselTree& tree, const CatheterSettings& settings, const TreeLocation& start,
                     std::int64_t now_us, const ReceiverSettings& receiver = {});
+  SimulatedCatheter(SimulatedCatheter&&) noexcept;
+  SimulatedCatheter& operator=(SimulatedCatheter&&) noexcept;
+  ~SimulatedCatheter();
+
+  using Base = Eigen::Vector3d;  ///< Insertion [m], roll and bend [rad], or their speeds [m/s, rad/s].
 
   /// Takes a command that arrives at `now_us` [us] and holds for its validity from then on; speeds beyond the drive's
   /// are cut to them. What CommandReceiver does not take is ignored, and the command before it stays in force.
@@ -63,32 +72,13 @@ class SimulatedCatheter : public CommandReceiver {
   Device device(const Eigen::Matrix3Xd& points) const;
 
  private:
-  using Base = Eigen::Vector3d;  // Insertion [m], roll and bend [rad], or their speeds [m/s, rad/s].
+  Base nearest() const;
   Base furthest() const;
   Base baseAt(std::int64_t time_us) const;
-  void settle(const Base& base);
-  void slide(double insertion_m);
-  bool advanceTip(double step_m);
-  void retractTip(double step_m);
-  int choose(int branch, double* worst) const;
-  void feel(double insertion_m);
-  double freePlay() const;
-  double slidingForce() const;
-  double radius(const TreeLocation& place) const;
-  TreeLocation placeAt(double path_m) const;
-  double deflection_m(const TreeLocation& place) const;
-  Eigen::Vector3d freeDirection() const;
-  Eigen::Vector3d heldDirection() const;
 
   CatheterSettings settings_;
   VesselTree tree_;
-  TreeTopology map_;
-  std::vector<int> path_;           // Branches from the root to the tip.
-  double tip_m_;                    // Of the tip along the path, from the root.
-  double roll_rad_, bend_rad_ = 0;  // Of the tip; roll without the zero's offset.
-  double force_n_ = 0, tip_force_n_ = 0;
-  bool blocked_ = false, buckled_ = false, touches_ = false;
-  int contacts_ = 0;
+  std::unique_ptr<CatheterBody> body_;
 
   std::int64_t now_us_, settled_us_;       // The present, and the last multiple of the step that is computed.
   std::int64_t command_us_ = 0, stop_us_;  // When the command in force arrived, and when it ends.

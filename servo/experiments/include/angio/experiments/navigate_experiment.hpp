@@ -75,6 +75,7 @@ struct NavigateResult {
   int misses = 0;                     ///< Wrong branches and walls that the navigator noticed.
   int wall_contacts = 0;              ///< True ones.
   double max_force_n = 0;             ///< At the drive.
+  double max_tip_force_n = 0;         ///< Of the wall on the tip.
   int frames = 0, held = 0;           ///< And those on which the drive stood still.
   int looked = 0;                     ///< Frames that were searched for the catheter.
   std::optional<std::string> breach;  ///< A limit that the C-arm exceeded.
@@ -98,6 +99,7 @@ void visitRow(Fields& f, RecordOf<Fields, NavigateResult>& result) {
   f("misses", result.misses);
   f("wall_contacts", result.wall_contacts);
   f("max_force_n", result.max_force_n);
+  f("max_tip_force_n", result.max_tip_force_n);
   f("frames", result.frames);
   f("held", result.held);
   f("looked", result.looked);
