@@ -17,6 +17,40 @@ constexpr double kRunTogether_m = 8e-3;  // Branches of thinned centrelines shar
 constexpr double kPiece_m = 0.7e-3, kPieceOfRadius = 0.35;  // Length of a tube.
 constexpr double kStraight = 0.7;                           // Cosine of a turn below which lines do not go on.
 
+constexpr double kRounding = 1;       // Standard deviation of the mean that rounds an axis, in radii ...
+constexpr double kMaxRounding = 0.5;  // ... and how far it may move a point, in radii.
+
+// The tree with its branches' corners rounded: a vessel does not turn in much less than its radius, and the axes of
+// segmented ones have that much noise.
+VesselTree rounded(const VesselTree& tree) {
+  Eigen::Matrix3Xd points = tree.points();
+  for (const std::vector<int>& branch : tree.branches()) {
+    Eigen::Matrix3Xd line(3, static_cast<Eigen::Index>(branch.size()));
+    for (std::size_t k = 0; k < branch.size(); ++k)
+      line.col(static_cast<Eigen::Index>(k)) = tree.points().col(branch[k]);
+    const Eigen::Matrix3Xd old = line;
+    const double step_m = (line.rightCols(line.cols() - 1) - line.leftCols(line.cols() - 1)).colwise().norm().mean();
+    double radius_m = 0;
+    for (const int i : branch)
+      radius_m += *tree.radii()[static_cast<std::size_t>(i)] / static_cast<double>(branch.size());
+    // A mean of a quarter, a half and a quarter has a variance of half a step squared.
+    const double most = 2 * std::pow(kRounding * radius_m / std::max(step_m, kMinEdge_m), 2);
+    const int rounds = static_cast<int>(std::min(std::lround(most), 200L));
+    for (int round = 0; round < rounds; ++round) {
+      const Eigen::Matrix3Xd before = line;
+      for (Eigen::Index k = 1; k + 1 < line.cols(); ++k) {
+        const double room_m =
+            kMaxRounding * *tree.radii()[static_cast<std::size_t>(branch[static_cast<std::size_t>(k)])];
+        const Eigen::Vector3d off =
+            0.25 * before.col(k - 1) + 0.5 * before.col(k) + 0.25 * before.col(k + 1) - old.col(k);
+        line.col(k) = old.col(k) + std::min(1.0, room_m / std::max(off.norm(), kMinEdge_m)) * off;
+      }
+    }
+    for (Eigen::Index k = 1; k + 1 < line.cols(); ++k) points.col(branch[static_cast<std::size_t>(k)]) = line.col(k);
+  }
+  return VesselTree(points, tree.parents(), tree.radii());
+}
+
 // The point behind the end `b` of an edge that goes on straightest, or -1.
 int straightest(const VesselTree& tree, int a, int b) {
   const Eigen::Vector3d along = (tree.points().col(b) - tree.points().col(a)).normalized();
@@ -31,31 +65,33 @@ int straightest(const VesselTree& tree, int a, int b) {
 
 }  // namespace
 
-Lumen::Lumen(const VesselTree& tree) : map_(tree), of_branch_(static_cast<std::size_t>(map_.branchCount())) {
-  for (const auto& radius_m : tree.radii()) {
+Lumen::Lumen(const VesselTree& given) : map_(given), of_branch_(static_cast<std::size_t>(map_.branchCount())) {
+  for (const auto& radius_m : given.radii()) {
     if (!radius_m) throw InputError("lumen", "radius", "unknown", "must be known at every point of the tree");
   }
+  const VesselTree tree = rounded(given);
   for (int branch = 0; branch < map_.branchCount(); ++branch) {
     const std::vector<int>& points = map_.points(branch);
     double arc_m = 0;
     for (std::size_t k = 0; k + 1 < points.size(); ++k) {
       const int a = points[k], b = points[k + 1];
-      const double length_m = (tree.points().col(b) - tree.points().col(a)).norm();
-      if (length_m < kMinEdge_m) continue;
+      const double arc_length_m = (given.points().col(b) - given.points().col(a)).norm();
       const int before = k > 0 ? points[k - 1] : tree.parents()[static_cast<std::size_t>(a)];
       const int behind = k + 2 < points.size() ? points[k + 2] : straightest(tree, a, b);
-      addEdge(tree, {before, a, b, behind}, branch, arc_m);
-      arc_m += length_m;
+      addEdge(tree, {before, a, b, behind}, branch, arc_m, arc_length_m);
+      arc_m += arc_length_m;
     }
   }
   findNear();
 }
 
 // An edge's tubes, along a cubic whose ends go on into the edges beside it where these go about straight on.
-void Lumen::addEdge(const VesselTree& tree, const std::array<int, 4>& points, int branch, double arc_m) {
+void Lumen::addEdge(const VesselTree& tree, const std::array<int, 4>& points, int branch, double arc_m,
+                    double arc_length_m) {
   const auto place = [&](int k) { return Eigen::Vector3d(tree.points().col(points[static_cast<std::size_t>(k)])); };
   const Eigen::Vector3d edge = place(2) - place(1);
   const double length_m = edge.norm();
+  if (length_m < kMinEdge_m) return;
   const auto slope = [&](int k) -> Eigen::Vector3d {
     const int other = points[k == 1 ? 0 : 3];
     if (other < 0) return edge;
@@ -81,8 +117,8 @@ void Lumen::addEdge(const VesselTree& tree, const std::array<int, 4>& points, in
     tube.along = (next - last) / tube.length_m;
     tube.start_radius_m = start_m + (k * (end_m - start_m)) / pieces;
     tube.end_radius_m = start_m + u * (end_m - start_m);
-    tube.arc_m = arc_m + k * length_m / pieces;
-    tube.arc_length_m = length_m / pieces;
+    tube.arc_m = arc_m + k * arc_length_m / pieces;
+    tube.arc_length_m = arc_length_m / pieces;
     tube.edge = {points[1], points[2], static_cast<double>(k) / pieces};
     tube.edge_share = 1.0 / pieces;
     tube.branch = branch;

@@ -17,7 +17,7 @@ constexpr int kRounds = 4;                           // Of friction by the wall'
 constexpr double kSame_n = 1e-3, kSameShare = 0.02;  // Friction that differs by less is the same.
 // Of what compression takes from the stiffness across the rod: without all of it Newton's matrix is positive definite.
 constexpr double kSoftening[] = {1, 0.7, 0};
-constexpr double kArmijo = 1e-4, kShortestStep = 1e-3, kRounding = 1e-13;
+constexpr double kArmijo = 1e-4, kShortestStep = 1e-3, kRoundOff = 1e-13;
 
 double lengthOf(const Eigen::VectorXd& step, double unit_m, double unit_rad) {
   double most = 0;
@@ -127,7 +127,7 @@ bool ElasticRod::newton() {
     while (true) {
       RodShape trial = moved(shape_, share * step);
       const double reached = energy(trial, gaps(trial), nullptr, nullptr);
-      if (reached <= effort_.energy_j + kArmijo * share * slope + kRounding * std::abs(effort_.energy_j)) {
+      if (reached <= effort_.energy_j + kArmijo * share * slope + kRoundOff * std::abs(effort_.energy_j)) {
         shape_ = std::move(trial);
         break;
       }

@@ -22,7 +22,8 @@ struct WallGap {
 };
 
 /// The inside of a tree's vessels: the union of tubes with round ends along its edges, whose radius changes linearly.
-/// The axis is smooth through the tree's points: a rod that slides does not feel its corners.
+/// The axis is smooth, and its corners are rounded over a radius: a vessel does not turn in much less, and the axes of
+/// segmented ones have that much noise, on which no catheter would hang.
 ///
 /// A sphere is looked for only in tubes that are near along the vessels to the one that it was in, so that vessels that
 /// pass or touch each other stay apart. At a fork it is in the tube with the most room: between two branches the wall
@@ -57,7 +58,7 @@ class Lumen {
     std::array<int, 2> joints{};         // Where it meets others.
     std::vector<int> near;               // Tubes that share its part of the lumen, itself included.
   };
-  void addEdge(const VesselTree& tree, const std::array<int, 4>& points, int branch, double arc_m);
+  void addEdge(const VesselTree& tree, const std::array<int, 4>& points, int branch, double arc_m, double arc_length_m);
   WallGap gapIn(const Tube& tube, const Eigen::Vector3d& center, double radius_m) const;
   void findNear();
 
