@@ -12,14 +12,14 @@ namespace angio::test {
 namespace {
 
 constexpr double kDepth_m = 0.8, kHalf_m = 30e-3;
-constexpr int kPoints = 61;
+constexpr int kVesselPoints = 61;
 
 // A vessel of 60 mm along an axis about the middle of the beam.
 VesselTree vesselAlong(const Eigen::Vector3d& axis) {
-  Eigen::Matrix3Xd points(3, kPoints);
+  Eigen::Matrix3Xd points(3, kVesselPoints);
   std::vector<int> parents;
-  for (int i = 0; i < kPoints; ++i) {
-    points.col(i) = (2.0 * i / (kPoints - 1) - 1) * kHalf_m * axis;
+  for (int i = 0; i < kVesselPoints; ++i) {
+    points.col(i) = (2.0 * i / (kVesselPoints - 1) - 1) * kHalf_m * axis;
     parents.push_back(i - 1);
   }
   return {points, parents};
@@ -32,7 +32,7 @@ Centerline2d imageOf(const Eigen::Matrix3Xd& points, const XrayCamera& camera, c
   return densified(makeCenterline(pixels, std::vector<int>(static_cast<std::size_t>(points.cols()), 0)), 1);
 }
 
-Pose inFront() { return Pose(Eigen::Translation3d(0, 0, kDepth_m)); }
+Pose facingTheVessel() { return Pose(Eigen::Translation3d(0, 0, kDepth_m)); }
 
 Pose turnedFrom(const Eigen::Vector3d& axis_angle) {
   Pose turn = Pose::Identity();
@@ -49,11 +49,11 @@ double pixel_m() { return kDepth_m / kCamera.parameters().fx_px; }
 TEST(LocalMisfit, IsTheDistanceToTheImageAcrossTheBeam) {
   const VesselTree tree = vesselAlong(Eigen::Vector3d::UnitX());
   const OrientedModel model(tree, OrientedKernelSettings());
-  const Centerline2d image = imageOf(tree.points(), kCamera, inFront());
+  const Centerline2d image = imageOf(tree.points(), kCamera, facingTheVessel());
   const XrayViews views{XrayView{image, kCamera}};
   Eigen::Matrix3Xd displaced = model.points;
   for (Eigen::Index i = 0; i < displaced.cols(); ++i) displaced(1, i) += displaced(0, i) > 0 ? 8 * pixel_m() : 0;
-  const LocalMisfit misfit(views, model, displaced, inFront());
+  const LocalMisfit misfit(views, model, displaced, facingTheVessel());
   const Eigen::Matrix3d off = misfit.covarianceAt({20e-3, 0, 0}), fits = misfit.covarianceAt({-20e-3, 0, 0});
   const double expected_m2 = (8 * 8 - 2 * 2) * pixel_m() * pixel_m();
   // A mean over vessel whose beam turns by some hundredths of a radian.
@@ -67,9 +67,9 @@ TEST(LocalMisfit, IsTheDistanceToTheImageAcrossTheBeam) {
 TEST(LocalMisfit, ACrossingVesselIsNoImage) {
   const VesselTree across = vesselAlong(Eigen::Vector3d::UnitY()), tree = vesselAlong(Eigen::Vector3d::UnitX());
   const OrientedModel model(tree, OrientedKernelSettings());
-  const Centerline2d image = imageOf(across.points(), kCamera, inFront());
+  const Centerline2d image = imageOf(across.points(), kCamera, facingTheVessel());
   const XrayViews views{XrayView{image, kCamera}};
-  const LocalMisfit misfit(views, model, model.points, inFront());
+  const LocalMisfit misfit(views, model, model.points, facingTheVessel());
   // The furthest that is looked for.
   const double expected_m2 = (15 * 15 - 2 * 2) * pixel_m() * pixel_m();
   EXPECT_NEAR(misfit.covarianceAt(Eigen::Vector3d::Zero())(1, 1), expected_m2, 0.03 * expected_m2);
@@ -82,11 +82,11 @@ TEST(LocalMisfit, EveryViewSaysWhatIsOffAcrossItsOwnBeam) {
   const Pose T_second_first = turnedFrom({kPi / 2, 0, 0});
   Eigen::Matrix3Xd displaced = model.points;
   displaced.row(2).array() += 8 * pixel_m();
-  const Centerline2d in_first = imageOf(tree.points(), kCamera, inFront());
-  const Centerline2d in_second = imageOf(tree.points(), kCamera, T_second_first * inFront());
+  const Centerline2d in_first = imageOf(tree.points(), kCamera, facingTheVessel());
+  const Centerline2d in_second = imageOf(tree.points(), kCamera, T_second_first * facingTheVessel());
   const XrayView first{in_first, kCamera}, second{in_second, kCamera, T_second_first};
   const auto along_m2 = [&](const XrayViews& views) {
-    return LocalMisfit(views, model, displaced, inFront()).covarianceAt(Eigen::Vector3d::Zero())(2, 2);
+    return LocalMisfit(views, model, displaced, facingTheVessel()).covarianceAt(Eigen::Vector3d::Zero())(2, 2);
   };
   const double expected_m2 = (8 * 8 - 2 * 2) * pixel_m() * pixel_m();
   EXPECT_LT(along_m2({first}), 0.01 * expected_m2);

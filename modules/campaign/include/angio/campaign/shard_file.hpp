@@ -17,6 +17,7 @@ namespace angio::campaign {
 /// fingerprint of all that follows the line. A line {"part", "run", "row"} follows for each of the shard's runs, in
 /// their order. Numbers are exact; those that are not finite stand as {"not_finite": "nan"}, "inf" or "-inf".
 struct ShardFile {
+  /// What one run gave.
   struct Row {
     int part = 0, run = 0;
     std::string text;  ///< JSON.

@@ -73,6 +73,7 @@ Json toRow(const Record& record);
 template <typename Record, typename = std::enable_if_t<std::is_class_v<Record> || std::is_enum_v<Record>>>
 void fromRow(const Json& row, const RowPlace& place, Record& record);
 
+/// Fields of a record by their keys, to a row.
 class RowWriter {
  public:
   template <typename Value>
@@ -83,6 +84,7 @@ class RowWriter {
   Json row = Json::object();
 };
 
+/// Fields of a record by their keys, from a row. Throws InputError where one is missing or of another type.
 class RowReader {
  public:
   RowReader(const Json& row, const RowPlace& place) : row_(row), place_(place) {}
