@@ -75,6 +75,18 @@ TEST(LocalMisfit, ACrossingVesselIsNoImage) {
   EXPECT_NEAR(misfit.covarianceAt(Eigen::Vector3d::Zero())(1, 1), expected_m2, 0.03 * expected_m2);
 }
 
+// What the collimator hides has no image, and nothing is said of it.
+TEST(LocalMisfit, TheCollimatorHidesNothingThatIsOff) {
+  const VesselTree tree = vesselAlong(Eigen::Vector3d::UnitX()), across = vesselAlong(Eigen::Vector3d::UnitY());
+  const OrientedModel model(tree, OrientedKernelSettings());
+  const Centerline2d image = imageOf(across.points(), kCamera, facingTheVessel());
+  XrayView view{image, kCamera};
+  view.collimator_px = {{0, 0}, {512, 0}, {512, 1023}, {0, 1023}};
+  const LocalMisfit misfit({view}, model, model.points, facingTheVessel());
+  EXPECT_GT(misfit.covarianceAt({-20e-3, 0, 0})(1, 1), 0);
+  EXPECT_EQ(misfit.covarianceAt({20e-3, 0, 0}).norm(), 0);
+}
+
 // A second plane sees what is off along the first one's beam.
 TEST(LocalMisfit, EveryViewSaysWhatIsOffAcrossItsOwnBeam) {
   const VesselTree tree = vesselAlong(Eigen::Vector3d::UnitX());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "angio/registration/xray_view.hpp"
 #include "oriented_model.hpp"
@@ -13,7 +14,8 @@ namespace angio::registration {
 /// A posterior is of the matches that were made. Where a vessel was matched with its neighbour, or with nothing, the
 /// tree is off by more than the posterior says, and no image point stands where the vessel is said to be. The distance
 /// to the nearest image point that runs along the vessel counts as a standard deviation across the beam of that view,
-/// beside the posterior's. A vessel without contrast agent has no image either: what is claimed of it is wider, too.
+/// beside the posterior's. Only places that a view sees count, inside its collimator. A vessel without contrast agent
+/// has no image either: what is claimed of it is wider, too.
 class LocalMisfit {
  public:
   /// @param model              The tree, about its centroid.
@@ -27,8 +29,8 @@ class LocalMisfit {
   Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& at) const;
 
  private:
-  Eigen::Matrix3Xd points_;                                 // The model's.
-  Eigen::Matrix<double, 6, Eigen::Dynamic> covariance_m2_;  // Of each: xx, xy, xz, yy, yz, zz.
+  Eigen::Matrix3Xd points_;                     // The model's.
+  std::vector<Eigen::Matrix3d> covariance_m2_;  // Of each.
 };
 
 }  // namespace angio::registration
