@@ -93,12 +93,14 @@ Eigen::Vector3d meanAt(const DeformationPosterior& posterior, const Eigen::Vecto
 TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
   test::Random random(41);
   constexpr int kTrials = 300, kBins = 10;
+  ProcessShape shape = kOneViewShape;
+  shape.tails = 1;  // What is drawn is drawn from the process.
   std::array<std::array<int, kBins>, 3> ranks{};
   constexpr std::array<double, 4> kAmplitudes_m = {0.2e-3, 0.4e-3, 0.8e-3, 1.6e-3};
   for (int trial = 0; trial < kTrials; ++trial) {
     const DrawnPosterior drawn =
         drawPosterior(random, kAmplitudes_m[static_cast<std::size_t>(trial) % kAmplitudes_m.size()]);
-    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape, 1);
+    const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, shape);
     ASSERT_TRUE(posterior.known());
     const Eigen::Vector3d error = meanAt(posterior, drawn.at) - drawn.moved_m;
     const Eigen::Matrix3d C = posterior.pointCovariance(drawn.at);

@@ -215,8 +215,7 @@ class DeformationFit::Run {
           residualGroups(views, fit_.model_, displaced_, tolerance_px_, one_view ? kOneViewGroups : kViewsGroups);
       if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
       const auto posterior = std::make_shared<DeformationPosterior>(
-          groups, belief_, T_, 1e-3 * fit_.settings_.length_mm, one_view ? kOneViewShape : kViewsShape,
-          one_view ? DeformationPosterior::kTails : DeformationPosterior::kViewsTails);
+          groups, belief_, T_, 1e-3 * fit_.settings_.length_mm, one_view ? kOneViewShape : kViewsShape);
       if (!posterior->known()) return;
       result_.posterior = posterior;
       result_.pose_covariance = posterior->twistCovariance();

@@ -6,18 +6,16 @@
 
 namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
-                                           const Pose& T_camera_centered, double length_m, const ProcessShape& shape,
-                                           double tails)
+                                           const Pose& T_camera_centered, double length_m, const ProcessShape& shape)
     : DeformationPosterior(groups, {}, errorSizes(DeformationProcess(groups, length_m, shape), groups), belief,
-                           T_camera_centered, length_m, shape, tails) {}
+                           T_camera_centered, length_m, shape) {}
 
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, Moments moments,
                                            const ErrorSizes& sizes, const PosePriorTerm& belief,
-                                           const Pose& T_camera_centered, double length_m, const ProcessShape& shape,
-                                           double tails)
+                                           const Pose& T_camera_centered, double length_m, const ProcessShape& shape)
     : groups_(groups), moments_(std::move(moments)), process_(groups, length_m, shape) {
   if (!groups_.noise_px2.allFinite()) return;
-  amplitude_m_ = tails * sizes.deformation_m;
+  amplitude_m_ = shape.tails * sizes.deformation_m;
   local_m_ = sizes.local_m;
   noise_px2_ = sizes.together * groups_.noise_px2;
 

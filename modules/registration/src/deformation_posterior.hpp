@@ -23,25 +23,18 @@ namespace angio::registration {
 /// Residuals of several moments are of one pose; the displacements are those of the last moment, the newest.
 class DeformationPosterior final : public TreeError {
  public:
-  /// Measured deformations are not drawn from the process: the errors' tails are wider than a normal distribution's.
-  static constexpr double kTails = 2.2;
-  /// Several views tell how large it is: what else is off is seen place by place (LocalMisfit).
-  static constexpr double kViewsTails = 1;
-
   /// @param groups    About T_camera_centered and no displacement; at least kMinGroups.
   /// @param belief    Of the pose before the image.
   /// @param length_m  Over which a deformation goes together.
   /// @param shape     Of the process.
-  /// @param tails     Factor on the amplitude that the residuals speak for.
   DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
-                       const Pose& T_camera_centered, double length_m, const ProcessShape& shape,
-                       double tails = kTails);
+                       const Pose& T_camera_centered, double length_m, const ProcessShape& shape);
 
   /// The same of several moments.
   /// @param sizes  Of the errors, as errorSizes() finds them in one of the moments.
   DeformationPosterior(const std::vector<ResidualGroup>& groups, Moments moments, const ErrorSizes& sizes,
                        const PosePriorTerm& belief, const Pose& T_camera_centered, double length_m,
-                       const ProcessShape& shape, double tails = kTails);
+                       const ProcessShape& shape);
 
   /// Returns whether there is a distribution: false where the system had no solution.
   bool known() const { return known_; }

@@ -6,10 +6,6 @@
 
 namespace angio::registration {
 
-// Measured deformations differ in their ratio of strain to displacement by more than one amplitude can follow: the
-// errors' tails are wider than a normal distribution's.
-constexpr double kTails = 1.5;
-
 ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d& information, double currency,
                        double length_m) {
   twist_ = noise_ = inverseOf(information);
@@ -27,7 +23,7 @@ ModelError::ModelError(const std::vector<ResidualGroup>& groups, const Matrix6d&
   gain_ = information.ldlt().solve(pull);
   if (!gain_.allFinite() || !deformed.allFinite()) return;
   const ErrorSizes sizes = errorSizes(process_, groups);
-  amplitude_m_ = kTails * sizes.deformation_m;
+  amplitude_m_ = kRigidShape.tails * sizes.deformation_m;
   local_m_ = sizes.local_m;
   by_deformation_ = amplitude_m_ * amplitude_m_ * gain_ * deformed * gain_.transpose();
   twist_ += by_deformation_;
