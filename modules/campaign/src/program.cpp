@@ -49,14 +49,19 @@ std::string estimateOf(const PilotRuns& pilots, const Shard& shard) {
          inWords(pilots.cpu_s() / std::max(1, pilots.runs())) + " a run)";
 }
 
-PilotRuns pilotsOf(const CampaignJob& job, const Shard& shard) {
-  PilotRuns pilots(shard);
+// Makes a shard's runs, or some of them, and reports nothing.
+void makeRuns(const CampaignJob& job, const Shard& shard, results::Campaign& rows) {
   CampaignRun run;
-  run.rows = &pilots;
+  run.rows = &rows;
   run.reports = false;
   run.shards = shard.count;
   job.work(run);
   throwIfInterrupted();
+}
+
+PilotRuns pilotsOf(const CampaignJob& job, const Shard& shard) {
+  PilotRuns pilots(shard);
+  makeRuns(job, shard, pilots);
   return pilots;
 }
 
@@ -175,12 +180,7 @@ int Campaigns::record(const CampaignJob& job, const Shard& shard) const {
   recorded.file().identity = identityOf(job);
   (void)recorded.file().identity.fingerprint();  // What cannot be written is refused before the work.
   recorded.file().machine = results::machineAsJson();
-  CampaignRun run;
-  run.rows = &recorded;
-  run.reports = false;
-  run.shards = shard.count;
-  job.work(run);
-  throwIfInterrupted();
+  makeRuns(job, shard, recorded);
   const std::string text = shardAsText(recorded.file());
   if (text.size() > kMaxFile) {
     throw InputError(job.out, "", std::to_string(text.size()) + " bytes", "must be less than 1 GiB: take more shards");
