@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/evaluation/namespace.hpp"
 #include "angio/plotting/plot.hpp"
 #include "angio/results/statistics.hpp"
 
