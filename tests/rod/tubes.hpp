@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
+#include <iostream>
+#include <string>
 #include <vector>
 
 #include "angio/test/namespace.hpp"
@@ -72,6 +76,12 @@ inline VesselTree forkedTube(double trunk_m, double branch_m, double angle_rad, 
   Eigen::Matrix3Xd matrix(3, static_cast<Eigen::Index>(points.size()));
   for (std::size_t k = 0; k < points.size(); ++k) matrix.col(static_cast<Eigen::Index>(k)) = points[k];
   return VesselTree(matrix, parents, radii);
+}
+
+/// A closed form is met within 5 %, as asked of the rod; prints by how much.
+inline void expectClosedForm(const std::string& what, double value, double closed) {
+  std::cout << what << ": " << value / closed << " of the closed form\n";
+  EXPECT_NEAR(value, closed, 0.05 * std::abs(closed)) << what;
 }
 
 }  // namespace angio::test
