@@ -84,6 +84,17 @@ TEST(Devices, CatheterAsDenseAsItsVesselIsToldByItsWidthAndItsTip) {
   EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size(), 0);
 }
 
+// An artery of the neck: from the border to where a wider one begins, as even as a catheter and wider than any.
+TEST(Devices, AnArteryWiderThanCathetersAreIsAVessel) {
+  for (const double radius : {3.5, 5.5}) {
+    Scene scene;
+    scene.vessels = {{test::straightTube({110, 0}, {150, 170}, radius),
+                      test::straightTube({150, 170}, {330, 300}, 1.7 * radius),
+                      test::straightTube({330, 300}, {450, 270}, 4), test::straightTube({330, 300}, {370, 450}, 4)}};
+    EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size() > 0, radius < 4) << radius;
+  }
+}
+
 // A field of view inside of a tree: vessels of even width from border to border, without branches.
 TEST(Devices, VesselsThatCrossTheFieldOfViewStayVessels) {
   Scene scene;

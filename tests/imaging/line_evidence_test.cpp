@@ -53,6 +53,17 @@ TEST(LineEvidence, FollowsTheImagesOwnContrast) {
   }
 }
 
+// An aorta absorbs as much more than an artery as it is wider.
+TEST(LineEvidence, ArteriesAreNotFaintBesideAnAorta) {
+  const std::vector<CentreLine> arteries = {lineFrom({60, 200}, 300, 4, 0.3f, 0.25f),
+                                            lineFrom({130, 215}, 60, 4, 0.4f, 0.18f)};
+  ASSERT_EQ(keptOf(arteries).size(), 2U);
+  std::vector<CentreLine> all = arteries;
+  all.push_back(lineFrom({60, 420}, 380, 26, 2, 1.1f));
+  all.push_back(lineFrom({200, 20}, 280, 24, 2, 1.1f));
+  EXPECT_EQ(keptOf(all).size(), 4U);
+}
+
 TEST(LineEvidence, NoiseAboutALineSpeaksAgainstIt) {
   const auto keeps = [](float sigma) { return keptOf({kTrunk, lineFrom({130, 215}, 60, 2, sigma, 0.2f)}).size() == 2; };
   EXPECT_TRUE(keeps(0.15f));

@@ -30,9 +30,13 @@ constexpr float kFainter = 0.9f;
 // Lines hang together where an end of one is so near to the other [working px].
 constexpr float kJoined = 3;
 
-// Vessels wider than this [working px] were not among those that the odds were learnt from, and a wide line's place is
-// less sure: it owes less. Most lines of an aortic arch have -2 and more, a step's edge below -3.
-constexpr float kWide = 6, kWideOdds = -2;
+// Vessels wider than this part of the shorter side were not among those that the odds were learnt from, and a wide
+// line's place is less sure: it owes less. Most lines of an aortic arch have -1 and more, a step's edge below -3.
+constexpr float kWide = 0.0117f, kWideOdds = -1;
+
+// The strong vessels are those of at most that width, where there is so much of them [shorter sides]: a wide one
+// absorbs over a longer way, and beside an aorta all arteries would be faint.
+constexpr float kEnough = 0.25f;
 
 // A line of these log odds is no bone, however dilute.
 constexpr float kNoBone = 3;
@@ -72,20 +76,26 @@ float logBendOf(const CentreLine& line, float length) {
 class LineEvidence {
  public:
   LineEvidence(const std::vector<CentreLine>& lines, float side) : lines_(lines), side_(side) {
-    std::vector<float> contrasts, densities;
+    std::vector<float> contrasts, wide_contrasts, densities;
     for (const CentreLine& line : lines) {
       boxes_.push_back(cv::boundingRect(line.line));
       lengths_.push_back(lengthOf(line));
       if (line.kind == CurveKind::kDevice) continue;
-      contrasts.insert(contrasts.end(), line.contrast.begin(), line.contrast.end());
+      std::vector<float>& among = isWide(line) ? wide_contrasts : contrasts;
+      among.insert(among.end(), line.contrast.begin(), line.contrast.end());
       const std::vector<float> own = densitiesAlong(line, line.line.size());
       densities.insert(densities.end(), own.begin(), own.end());
+    }
+    if (static_cast<float>(contrasts.size()) < kEnough * side) {
+      contrasts.insert(contrasts.end(), wide_contrasts.begin(), wide_contrasts.end());
     }
     if (contrasts.empty()) return;
     strong_contrast_ = std::max(quantileOf(contrasts, kFainter), 1e-9f);
     usual_density_ = medianOf(std::move(densities));
     connect();
   }
+
+  bool isWide(const CentreLine& line) const { return medianOf(line.radius) > kWide * side_; }
 
   float logOdds(std::size_t i) const {
     const CentreLine& line = lines_[i];
@@ -172,9 +182,8 @@ void dropUnlikely(std::vector<CentreLine>& lines, float side, float least_densit
     const LineEvidence evidence(lines, side);
     for (std::size_t i = 0; i < lines.size(); ++i) {
       const bool device = lines[i].kind == CurveKind::kDevice;
-      const bool wide = !device && medianOf(lines[i].radius) > kWide;
       const float log_odds = device ? 0 : evidence.logOdds(i);
-      const bool likely = log_odds > (wide ? kWideOdds : 0);
+      const bool likely = log_odds > (!device && evidence.isWide(lines[i]) ? kWideOdds : 0);
       keep.push_back(device || (likely && (log_odds > kNoBone || !evidence.isDilute(i, least_density))));
     }
   }

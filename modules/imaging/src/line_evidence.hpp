@@ -14,7 +14,7 @@ namespace angio::imaging {
 ///
 /// - how clearly it is seen: its radius over the standard deviation of its position, which noise and clutter beside it
 ///   make;
-/// - its contrast, over that of the image's strong vessels;
+/// - its contrast, over that of the image's strong vessels, wide ones such as an aorta left out;
 /// - the length of all lines that hang together with it, over `side`, the working image's shorter side [working px];
 /// - how far that group is from a longer one, which a fragment of a tree is near;
 /// - its bend: borders of organs and leads are straight.
