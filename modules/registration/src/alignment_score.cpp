@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bucket_grid.hpp"
+#include "angio/geometry/bucket_grid.hpp"
 
 namespace angio::registration {
 namespace {

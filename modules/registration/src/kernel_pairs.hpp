@@ -5,10 +5,10 @@
 #include <array>
 #include <vector>
 
+#include "angio/geometry/bucket_grid.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/registration/cvo_settings.hpp"
 #include "angio/registration/xray_view.hpp"
-#include "bucket_grid.hpp"
 #include "line_samples.hpp"
 #include "rigid_step.hpp"
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/geometry/bucket_grid.hpp"
 #include "angio/registration/alignment_score.hpp"
-#include "bucket_grid.hpp"
 
 namespace angio::registration {
 namespace {

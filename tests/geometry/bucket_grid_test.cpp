@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include "bucket_grid.hpp"
+#include "angio/geometry/bucket_grid.hpp"
 
 #include <gtest/gtest.h>
 

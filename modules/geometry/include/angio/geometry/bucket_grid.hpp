@@ -7,14 +7,15 @@
 #include <limits>
 #include <vector>
 
-#include "angio/registration/namespace.hpp"
+#include "angio/geometry/namespace.hpp"
 
-namespace angio::registration {
+namespace angio::geometry {
 
 /// Points of the plane [px] in a grid of cells: the nearest one, exactly. Cheap to build, so for points that are looked
 /// up about once each. Memory is kept: as many points in a box of the same shape cost no allocation.
 class BucketGrid {
  public:
+  /// A point that was found.
   struct Match {
     int index = -1;  ///< -1: there are no points.
     double distance2_px2 = 0;
@@ -137,4 +138,4 @@ class BucketGrid {
   std::vector<int> cell_of_;   // By point, while building.
 };
 
-}  // namespace angio::registration
+}  // namespace angio::geometry
