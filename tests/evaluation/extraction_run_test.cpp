@@ -31,7 +31,7 @@ SimulationSettings fromImages(int trials) {
 }
 
 TEST(ExtractionRun, EveryExtractorIsAskedOfEverySampleAndScored) {
-  const ExtractionSamples samples = simulatedSamples({liver()}, {}, fromImages(2), 1, 6);
+  const ExtractionSamples samples = simulatedSamples({liver()}, {}, fromImages(2), SimulatedVessels{1, 6, false});
   const auto runs =
       runExtraction(samples, {{"ridge", RidgeSettings{}}, {"otsu", OtsuSettings{}}}, 1.5, Pictures::kKeep);
   ASSERT_EQ(runs.size(), 2u);
@@ -66,12 +66,29 @@ TEST(ExtractionRun, ImagesWithoutATruthAreNotScored) {
 }
 
 TEST(SimulatedSamples, WantVesselsOfTheGivenWidthOutsideWiderOnes) {
-  const auto all = simulatedSamples({liver()}, {}, fromImages(1), 0, 100).at(0);
-  const auto wide = simulatedSamples({liver()}, {}, fromImages(1), 3, 100).at(0);
+  const auto all = simulatedSamples({liver()}, {}, fromImages(1), SimulatedVessels{0, 100, false}).at(0);
+  const auto wide = simulatedSamples({liver()}, {}, fromImages(1), SimulatedVessels{3, 100, false}).at(0);
   EXPECT_GT(wide.required.size(), 50);
   EXPECT_LT(wide.required.size(), 0.7 * all.required.size());
   EXPECT_EQ(wide.allowed.points_px, all.allowed.points_px);
   EXPECT_LT(all.required.size(), all.allowed.size()) << "branches begin inside their trunk";
+}
+
+// Where the start of a trial has the tree; without the wish nothing is expected.
+TEST(SimulatedSamples, MayBeExpected) {
+  const ExtractionSample unknown = simulatedSamples({liver()}, {}, fromImages(1), SimulatedVessels{}).at(0);
+  EXPECT_EQ(unknown.expected.size(), 0);
+  SimulationSettings settings = fromImages(1);
+  settings.translation_std_mm = 0.5;
+  settings.rotation_std_deg = 0.3;
+  const ExtractionSample known = simulatedSamples({liver()}, {}, settings, SimulatedVessels{1, 6, true}).at(0);
+  EXPECT_EQ(known.allowed.points_px, unknown.allowed.points_px);
+  ASSERT_GT(known.expected.size(), 100);
+  ExtractionScore near(20), exact(0.1);
+  near.add(known.expected, known.allowed);
+  exact.add(known.expected, known.allowed);
+  EXPECT_GT(near.asJson()["correct"], 0.95);
+  EXPECT_LT(exact.asJson()["correct"], 0.7);
 }
 
 TEST(AnnotatedSamples, AreMasksOfTheImagesSize) {

@@ -87,7 +87,7 @@ ExtractedSample scored(const Centerline2d& found, const ExtractionSample& sample
 }  // namespace
 
 ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
-                                   const SimulationSettings& settings, double thinnest_mm, double thickest_mm) {
+                                   const SimulationSettings& settings, const SimulatedVessels& wanted_vessels) {
   if (trees.empty()) throw InputError("simulation", "trees", "0", "must be at least one");
   const auto images = std::make_shared<TrialImages>(trees, settings);
   const auto one = [=](int i) {
@@ -100,7 +100,8 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
     std::vector<bool> wanted;
     for (int k = 0; k < vessels.size(); ++k) {
       const double diameter_mm = 2 * mm_per_px * vessels.radius_px[k];
-      wanted.push_back(diameter_mm >= thinnest_mm && diameter_mm <= thickest_mm && !lost[k]);
+      wanted.push_back(diameter_mm >= wanted_vessels.thinnest_mm && diameter_mm <= wanted_vessels.thickest_mm &&
+                       !lost[k]);
     }
     std::vector<bool> own_line = haveOwnLine(truth.all, blurOf_px(settings, trial.true_views.front().camera));
     return ExtractionSample{"simulated " + std::to_string(i),
@@ -108,7 +109,10 @@ ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const s
                             pointsWhere(vessels, wanted),
                             std::move(truth.all),
                             {},
-                            std::move(own_line)};
+                            std::move(own_line),
+                            wanted_vessels.expected
+                                ? projectedCenterline(trees[t], trial.true_views.front().camera, trial.start)
+                                : Centerline2d()};
   };
   return {settings.trials, one};
 }
@@ -178,7 +182,8 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
     for (std::size_t turn = 0; turn < entrants.size(); ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants.size();
       const Stopwatch stage;
-      const Centerline2d found = extractors[m]->extract(sample.image);
+      const Centerline2d found = sample.expected.size() > 0 ? extractors[m]->extract(sample.image, sample.expected)
+                                                            : extractors[m]->extract(sample.image);
       const double time_s = stage.seconds();
       extracted[m] = scored(found, sample, tolerance_px);
       extracted[m].time_s = time_s;

@@ -25,6 +25,7 @@ struct CentreLine {
   std::vector<float> radius;
   std::vector<float> sigma, contrast;  ///< Of each point, or empty where the method does not measure them.
   CurveKind kind = CurveKind::kVessel;
+  bool expected = false;  ///< A vessel is expected there (ExpectedLines).
 };
 
 /// Moves the graph's branches from pixel centres onto the vessels' centre lines. A line crosses the vessel's profile

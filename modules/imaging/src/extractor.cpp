@@ -6,6 +6,8 @@
 
 namespace angio::imaging {
 
+Centerline2d CenterlineExtractor::extract(const cv::Mat& image, const Centerline2d&) { return extract(image); }
+
 std::unique_ptr<CenterlineExtractor> makeExtractor(const ExtractorSettings& settings) {
   return madeOf(settings, [](const auto& chosen) { return make(chosen); });
 }

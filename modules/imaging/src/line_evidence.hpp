@@ -26,6 +26,7 @@ namespace angio::imaging {
 /// bone is so dark or their odds are high. Their density, contrast over radius, is below `least_density` times that of
 /// all points of vessels; one with neither end at another line must be denser. Devices stay, and have no part in what
 /// is usual: beside steel all vessels would be faint and dilute.
+/// Where a vessel is expected the odds are better, and a line is no bone.
 void dropUnlikely(std::vector<CentreLine>& lines, float side, float least_density);
 
 }  // namespace angio::imaging

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
+#include "expected_lines.hpp"
 #include "field_outline.hpp"
 #include "flatten.hpp"
 #include "hysteresis.hpp"
@@ -52,7 +53,13 @@ class RidgeExtractor final : public CenterlineExtractor {
  public:
   explicit RidgeExtractor(const RidgeSettings& settings) : settings_(settings) {}
 
-  Centerline2d extract(const cv::Mat& image) override {
+  Centerline2d extract(const cv::Mat& image) override { return extract(image, nullptr); }
+  Centerline2d extract(const cv::Mat& image, const Centerline2d& expected) override {
+    return extract(image, expected.ordered() ? &expected : nullptr);
+  }
+
+ private:
+  Centerline2d extract(const cv::Mat& image, const Centerline2d* expected) {
     requireXray(image);
     const WorkingGrid grid(image.size(), settings_.border_px, settings_.working_side_px);
     if (std::min(grid.size.width, grid.size.height) < kMinSide) return {};
@@ -74,15 +81,17 @@ class RidgeExtractor final : public CenterlineExtractor {
     thin(mask);
     SkeletonGraph graph = traceSkeleton(mask, scales_->radiusMat());
     clean(graph, grid.scale);
+    std::optional<ExpectedLines> known;
+    if (expected) known.emplace(*expected, grid).addTo(graph);
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
     const float side = static_cast<float>(std::min(grid.size.width, grid.size.height));
     tellDevices(lines, open_, kMinDevice * side);
+    if (known) known->markIn(lines);
     dropUnlikely(lines, side, static_cast<float>(settings_.relative_density));
     return sampled(lines, grid, settings_.spacing_px);
   }
 
- private:
   // Scales follow the size of the working pixel, which a stream of images rarely changes.
   void prepareFor(float scale) {
     if (scales_ && scale == scale_) return;

@@ -26,6 +26,9 @@ constexpr float kWorstMisfit = 0.2f;
 // A vessel ends where it is fainter than this part of what it is over the fits next to its end. What is taken off is
 // not longer than this many radii.
 constexpr float kTailContrast = 0.6f, kTailRadii = 3;
+// Where a vessel is expected it may be fainter at its end, and its middle is no further away than this [working px]:
+// what is found there is another vessel.
+constexpr float kExpectedTailContrast = 0.3f, kExpectedOffset = 1.5f;
 constexpr std::size_t kFewFits = 6;
 constexpr std::size_t kTipFits = 16;
 
@@ -128,7 +131,9 @@ void RidgeFitting::fitAlong(const SkeletonGraph& graph, const RidgeScales& scale
     }
     if (hidden(track.line[i])) continue;
     const auto reach = static_cast<std::size_t>(std::max(3.0f, 0.7f * track.radius[i]));
-    line.fits[i] = fitAt(scales, {tube, track.line[i], directionAt(track.line, i, reach), track.radius[i]}, others);
+    Point& fit = line.fits[i];
+    fit = fitAt(scales, {tube, track.line[i], directionAt(track.line, i, reach), track.radius[i]}, others);
+    fit.valid = fit.valid && !(track.expected && std::abs(fit.offset) > kExpectedOffset);
   }
   findReaches(graph, line);
 }
@@ -157,6 +162,7 @@ void RidgeFitting::findEnds(Fitted& line) {
   const Track& track = line.track;
   const std::vector<Point>& points = line.fits;
   const auto n = static_cast<std::ptrdiff_t>(points.size());
+  const float tail = track.expected ? kExpectedTailContrast : kTailContrast;
   const auto taken = [&](const auto& place, float radius) {
     std::vector<float> contrasts;
     for (std::ptrdiff_t i = 0; i < n && contrasts.size() < kTipFits; ++i) {
@@ -166,7 +172,7 @@ void RidgeFitting::findEnds(Fitted& line) {
     const float middle = medianOf(std::move(contrasts));
     const auto fits = [&](std::ptrdiff_t i) {
       const Point& p = points[place(i) - place(i) % kFitEvery];
-      return p.valid && p.contrast > kTailContrast * middle;
+      return p.valid && p.contrast > tail * middle;
     };
     const auto most = std::min<std::ptrdiff_t>(n / 3, std::lround(kTailRadii * radius + 4));
     std::ptrdiff_t count = 0;
@@ -224,6 +230,7 @@ Track RidgeFitting::trackOn(const SkeletonGraph& graph, std::size_t index, const
       std::min(std::max(kStairFilter, kStairRadii * radius), 0.2f * static_cast<float>(branch.line.size()) + 1);
   Track track = trackOf(graph, branch, stair);
   track.branch = static_cast<int>(index);
+  track.expected = branch.expected;
   float last = std::max(radius, kThinnest);
   for (const cv::Point2f& p : track.line) {
     const float here = scales.radius().at(p.x, p.y);

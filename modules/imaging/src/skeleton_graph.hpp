@@ -22,8 +22,9 @@ struct SkeletonGraph {
     std::vector<cv::Point2f> line;  ///< In order; the position of a node it ends in is not part of it.
     int begin = -1;                 ///< Node, or -1 at a free end.
     int end = -1;
-    bool closed = false;  ///< A ring without any node.
-    bool alive = true;    ///< False once the branch was pruned or became part of another.
+    bool closed = false;    ///< A ring without any node.
+    bool alive = true;      ///< False once the branch was pruned or became part of another.
+    bool expected = false;  ///< Not traced, but drawn where a vessel is expected.
 
     void reverse() {
       std::reverse(line.begin(), line.end());

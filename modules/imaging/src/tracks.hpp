@@ -27,7 +27,7 @@ struct Track {
   Polyline line;
   std::vector<float> radius;
   int begin = -1, end = -1;  ///< Nodes of the graph, -1 at a free end.
-  bool closed = false;
+  bool closed = false, expected = false;
   int branch = -1;  ///< Of the graph.
 
   /// Points at each end whose place says more of the junction there than of the branch.

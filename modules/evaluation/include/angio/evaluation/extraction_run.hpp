@@ -108,7 +108,9 @@ struct ExtractionSample {
   Centerline2d allowed;        ///< and what may be; or, in their place:
   cv::Mat mask;                ///< the regions that people have drawn, CV_8UC1; empty when there are none.
   std::vector<bool> own_line;  ///< Of what may be: whether it has a line of its own (haveOwnLine); empty: not known.
-  bool has_truth = true;       ///< False: nobody knows what is to be found, and nothing is scored.
+  /// Where a tracker expects the vessels; empty: it is not known.
+  Centerline2d expected = {};
+  bool has_truth = true;  ///< False: nobody knows what is to be found, and nothing is scored.
 };
 
 /// Images that are made or read when they are asked for.
@@ -117,11 +119,17 @@ struct ExtractionSamples {
   std::function<ExtractionSample(int index)> at;
 };
 
+/// What of a simulated view must be found, and what is known of it before.
+struct SimulatedVessels {
+  double thinnest_mm = 1, thickest_mm = 6;  ///< Widths that must be found.
+  bool expected = false;                    ///< Where the trial's start has the tree, vessels are expected.
+};
+
 /// Rendered views of trees as in simulated trials (SimulationSettings), one tree after the other. Vessels that are
 /// `thinnest_mm` to `thickest_mm` wide, visible at the dose and not in the shadow of a wider vessel must be found; all
-/// others, and devices, may be.
+/// others with contrast agent in them, and devices, may be.
 ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
-                                   const SimulationSettings& settings, double thinnest_mm, double thickest_mm);
+                                   const SimulationSettings& settings, const SimulatedVessels& vessels);
 
 /// What the images of a case set show of its trees at their true poses. What must be found is what the image itself
 /// shows of it (shownIn, with `radius_px` and `contrast`). Throws InputError for a case without image or true pose.

@@ -19,6 +19,12 @@ class CenterlineExtractor {
   /// Ordered branches with tangents and radii [px]; empty when there is no vessel. `image` is CV_8UC1 or CV_16UC1;
   /// throws InputError for any other type or an empty image.
   virtual Centerline2d extract(const cv::Mat& image) = 0;
+
+  /// The same of an image in which vessels are expected [px]: a projected tree whose pose was tracked, in branches.
+  /// What the image shows of them, with or without `expected`, is found by the image; where it is weak, it is looked
+  /// for where it is expected. Nothing is taken from `expected` that the image does not show. A method without use for
+  /// it, or an `expected` without branches: as above.
+  virtual Centerline2d extract(const cv::Mat& image, const Centerline2d& expected);
 };
 
 /// The settings type is the choice of the method.
