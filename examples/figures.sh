@@ -198,10 +198,17 @@ seeing() {
   echo; echo "liver, Otsu's threshold of all pixels"
   "$bin"/angio-evaluate extraction "${liver[@]}" --trials 20 --seed 7 --extractor otsu --settings "$work/plain.yaml"
   echo; "$bin"/angio-evaluate extraction "${coronary[@]}" --trials "${TRIALS:-40}" --seed 7
+  echo; echo "a tracked tree, expected 0.5 mm and 0.3 deg off (standard deviations): liver, with half of it filled, coronary arteries"
+  local tracked=("$bin"/angio-evaluate extraction --trials "${TRIALS:-40}" --seed 7 --extractor ridge --predicted-mm 0.5)
+  "${tracked[@]}" "${liver[@]}"
+  echo; "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7 --extractor ridge --filled 0.5
+  echo; "${tracked[@]}" "${liver[@]}" --filled 0.5
+  echo; "${tracked[@]}" "${coronary[@]}"
   if [ ${#brains[@]} -gt 0 ]; then
     local brain_images=("$bin"/angio-evaluate extraction "${brains[@]}" --trials "${TRIALS:-40}" --seed 7)
-    echo; echo "arteries of brains, then the same on a grid as fine as the image"
+    echo; echo "arteries of brains, then tracked, then on a grid as fine as the image"
     "${brain_images[@]}"
+    echo; "${tracked[@]}" "${brains[@]}"; echo
     echo "ridge: {working_side_px: 1024}" > "$work/finer.yaml"
     "${brain_images[@]}" --extractor ridge --settings "$work/finer.yaml"
   fi
