@@ -42,7 +42,7 @@ angio_find_package(OpenIGTLink openigtlink::)
 
 # Of volumes, and of tests that read what VTK writes: half of all that has to be installed, so that who builds no more than the
 # demo needs neither. Behind the others, which VTK finds for itself only.
-set(_parts 9.1 COMPONENTS CommonCore CommonDataModel FiltersCore FiltersModeling ImagingStencil IOXML)
+set(_parts 9.1 COMPONENTS CommonCore CommonDataModel FiltersCore ImagingStencil IOXML)
 find_package(VTK ${_parts} QUIET)
 if(VTK_FOUND)
   angio_know_package(VTK VTK:: ${_parts})

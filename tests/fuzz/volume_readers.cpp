@@ -30,7 +30,7 @@ void readAVolume(const std::string& path) {
 void readASeries(const std::string& path) { readAVolume(std::filesystem::path(path).parent_path().string()); }
 
 void readAMesh(const std::string& path) {
-  const VoxelMask mask = readMesh(path, kMeshVoxel_m, PatientFrame::kLps);
+  const VoxelMask mask = readMesh(path, kMeshVoxel_m, PatientFrame::kLps).mask;
   checkGrid(mask.grid, mask.inside.size());
   promised(std::all_of(mask.inside.begin(), mask.inside.end(), [](std::uint8_t v) { return v <= 1; }), "inside or not");
 }

@@ -178,6 +178,7 @@ refuses angio-evaluate catheter "$data/hepatic-tace/cases.yaml" --sheet @/sheet.
 if [ -x "$bin/angio-extract-tree" ]; then  # With ITK.
   refuses angio-extract-tree made/tube.stl --out @/tree.csv --picture "$(beside tree.png)"
   refuses angio-extract-tree made/tube.stl --picture @/tree.png --out "$(beside tree.csv)"
+  refuses angio-extract-tree made/tube.stl --result @/tree.json --out "$(beside tree.csv)"
   stops angio-extract-tree made/tube.stl --picture @/tree.png --out "$(beside tree.csv)"
 fi
 refuses angio-training-pairs --trees 1000000 --out @/pairs.bin

@@ -33,7 +33,7 @@ TEST(ExtractTree, FindsTheCentrelineOfAnObliqueFork) {
   const ExtractedTree found = extracted(forkVolume());
   EXPECT_EQ(found.tree.branches().size(), 3U);
   EXPECT_EQ(std::count(found.tree.parents().begin(), found.tree.parents().end(), -1), 1);
-  EXPECT_EQ(found.cycles_cut, 0);
+  EXPECT_EQ(found.count(Flaw::kCycle), 0);
   // Where tubes join, the largest spheres leave the tubes' axes by as much as the wall between them is open.
   EXPECT_GT(coverage(truth, found.tree, kHalfVoxel).share, 0.9);
   EXPECT_LT(coverage(truth, found.tree, kHalfVoxel).worst_m, 4 * kHalfVoxel);
@@ -131,7 +131,7 @@ TEST(ExtractTree, CycleIsCutWhereItIsThinnest) {
   grid.direction.setIdentity();
   grid.origin_m = Eigen::Vector3d(-20e-3, -24e-3, -24e-3);
   const ExtractedTree found = extracted(test::tubes({points, parents, radii}, grid));
-  EXPECT_EQ(found.cycles_cut, 1);
+  EXPECT_EQ(found.count(Flaw::kCycle), 1);
   int ends = 0;
   for (int i = 0; i < found.tree.size(); ++i) {
     if (!found.tree.children()[static_cast<std::size_t>(i)].empty()) continue;

@@ -9,39 +9,10 @@
 #include "angio/volume/extract_tree.hpp"
 #include "angio/volume/shape.hpp"
 #include "phantom.hpp"
+#include "surfaces.hpp"
 
 namespace angio::test {
 namespace {
-
-using Triangle = std::array<Eigen::Vector3f, 3>;
-
-// A pipe of radius 3 mm along z from (20, 30, 0) to 40 mm, without lids.
-std::vector<Triangle> openPipe() {
-  constexpr int kSides = 48;
-  std::vector<Triangle> triangles;
-  const auto corner = [](int side, float z) {
-    const double angle = 2 * kPi * (side % kSides) / kSides;
-    return Eigen::Vector3f(static_cast<float>(20 + 3 * std::cos(angle)), static_cast<float>(30 + 3 * std::sin(angle)),
-                           z);
-  };
-  for (int s = 0; s < kSides; ++s) {
-    triangles.push_back({corner(s, 0), corner(s + 1, 0), corner(s, 40)});
-    triangles.push_back({corner(s + 1, 0), corner(s + 1, 40), corner(s, 40)});
-  }
-  return triangles;
-}
-
-std::string binaryStl(const std::vector<Triangle>& triangles) {
-  std::string bytes(84, '\0');
-  const auto count = static_cast<std::uint32_t>(triangles.size());
-  std::memcpy(&bytes[80], &count, 4);
-  for (const Triangle& triangle : triangles) {
-    bytes += std::string(12, '\0');
-    for (const auto& corner : triangle) bytes.append(reinterpret_cast<const char*>(corner.data()), 12);
-    bytes += std::string(2, '\0');
-  }
-  return bytes;
-}
 
 std::string textStl(const std::vector<Triangle>& triangles) {
   std::string text = "solid pipe\n";
@@ -150,7 +121,7 @@ std::string xmlVtp(const std::vector<Triangle>& triangles) {
 TEST(MeshFiles, OneSurfaceFillsTheSameVoxelsWhateverItsFormat) {
   const test::TemporaryFolder folder;
   const auto read = [&](const std::string& name, const std::string& content) {
-    return readMesh(folder.write(name, content), 0.7e-3, PatientFrame::kRas);
+    return readMesh(folder.write(name, content), 0.7e-3, PatientFrame::kRas).mask;
   };
   // In all of them each triangle brings corners of its own: only where they are joined is there a wall to put lids on.
   const VoxelMask expected = read("a.stl", textStl(openPipe()));
@@ -168,7 +139,7 @@ TEST(MeshFiles, OneSurfaceFillsTheSameVoxelsWhateverItsFormat) {
 TEST(MeshFiles, PipeBecomesItsAxisInBothForms) {
   const test::TemporaryFolder folder;
   for (const std::string& content : {binaryStl(openPipe()), textStl(openPipe())}) {
-    const VoxelMask mask = readMesh(folder.write("pipe.stl", content), 0.5e-3, PatientFrame::kRas);
+    const VoxelMask mask = readMesh(folder.write("pipe.stl", content), 0.5e-3, PatientFrame::kRas).mask;
     const VesselTree tree = extractTree(vesselShape(mask, {}, {}), {}).tree;
     EXPECT_EQ(tree.branches().size(), 1U);
     EXPECT_NEAR(tree.length(), 40e-3, 1e-3);  // A voxel at each lid.

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <string>
 #include <vector>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/vessel/vessel_tree.hpp"
+#include "angio/volume/repairs.hpp"
 #include "angio/volume/volume.hpp"
 
 namespace angio::test {
@@ -72,6 +75,14 @@ inline VesselTree bentFork() {
   Eigen::Matrix3Xd matrix(3, points.size());
   for (std::size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
   return {matrix, parents, radii};
+}
+
+/// The repairs of one kind.
+inline std::vector<Repair> repairsOf(const std::vector<Repair>& repairs, Flaw flaw) {
+  std::vector<Repair> found;
+  std::copy_if(repairs.begin(), repairs.end(), std::back_inserter(found),
+               [&](const Repair& repair) { return repair.flaw == flaw; });
+  return found;
 }
 
 inline std::string bytesOf(const std::vector<float>& values) {

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "angio/io/vessel_files.hpp"
+#include "angio/io/whole_file.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/program.hpp"
 #include "angio/volume/coverage.hpp"
 #include "phantom.hpp"
+#include "surfaces.hpp"
 
 namespace angio::test {
 namespace {
@@ -27,6 +31,43 @@ TEST(ExtractTreeProgram, WritesEveryFormatInTheFrameAskedFor) {
     if (!saysItsFrame(folder.path(name))) tree = withOtherFrame(tree);
     EXPECT_GT(coverage(truth, tree, 0.6e-3).share, 0.95) << name;
   }
+}
+
+TEST(ExtractTreeProgram, SaysWhatItMendedAndWhere) {
+  const test::TemporaryFolder folder;
+  const std::string pipe = folder.write("pipe.stl", binaryStl(openPipe()));
+  const test::Ended ended = test::run("angio-extract-tree", {pipe, "--out", folder.path("t.csv"), "--frame", "RAS",
+                                                             "--result", folder.path("t.json"), "--kissing", "keep"});
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("\nopen ends: 2, closed by a flat lid: at -20.0,-30.0,"), std::string::npos) << ended.out;
+  const auto json = nlohmann::json::parse(readWholeFile(folder.path("t.json")));
+  EXPECT_EQ(json.at("settings").at("kissing"), "keep");
+  EXPECT_EQ(json.at("branches"), 1);
+  ASSERT_EQ(json.at("repairs").size(), 2U);
+  for (const auto& repair : json.at("repairs")) {
+    EXPECT_EQ(repair.at("kind"), "open_end");
+    EXPECT_NEAR(repair.at("at_mm").at(0), -20, 1e-3);
+    EXPECT_NEAR(repair.at("radius_mm"), 3, 0.01);
+  }
+  // Refused before anything is written.
+  const Volume ring = [&] {
+    Eigen::Matrix3Xd points(3, 61);
+    std::vector<int> parents(61);
+    for (int i = 0; i < 61; ++i) {
+      points.col(i) = 10e-3 * Eigen::Vector3d(std::cos(kPi * i / 30), std::sin(kPi * i / 30), 0);
+      parents[static_cast<std::size_t>(i)] = i - 1;
+    }
+    return tubes({points, parents, std::vector<std::optional<double>>(61, 2e-3)},
+                 obliqueGrid({60, 60, 60}, Eigen::Vector3d::Constant(0.6e-3)));
+  }();
+  const std::string volume = folder.write("ring.mha", metaImage(ring));
+  const std::size_t files = folder.files();
+  const test::Ended refused = test::run(
+      "angio-extract-tree", {volume, "--threshold", "500", "--out", folder.path("r.csv"), "--cycles", "refuse"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find("cycles = 1: must be none"), std::string::npos) << refused.err;
+  EXPECT_EQ(std::count(refused.err.begin(), refused.err.end(), '\n'), 1) << refused.err;
+  EXPECT_EQ(folder.files(), files);
 }
 
 TEST(ExtractTreeProgram, WrongInputEndsWithOneLineAndItsCode) {

@@ -3,14 +3,18 @@
 // matrix says LPS with two axes turned: whoever ignores either misses the vessel by decimetres.
 #include <gtest/gtest.h>
 
+#include "angio/io/surface_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/shared_data.hpp"
+#include "angio/test/temporary_folder.hpp"
 #include "angio/volume/coverage.hpp"
 #include "angio/volume/extract_tree.hpp"
 #include "angio/volume/mesh_files.hpp"
 #include "angio/volume/shape.hpp"
 #include "angio/volume/volume_files.hpp"
+#include "phantom.hpp"
+#include "surfaces.hpp"
 
 namespace angio::test {
 namespace {
@@ -36,7 +40,73 @@ TEST(Reference, AortaFromVmtksLevelSet) {
 TEST(Reference, AortaFromVmtksSurface) {
   NEED_SHARED_DATA("vmtk-aorta/aorta-surface.vtp");
   const std::string path = test::sharedData("vmtk-aorta/aorta-surface.vtp");
-  expectReference(vesselShape(readMesh(path, kVoxel, PatientFrame::kRas), {}, {}));
+  expectReference(vesselShape(readMesh(path, kVoxel, PatientFrame::kRas).mask, {}, {}));
+}
+
+// The surface without what lies beyond a plane across each end of the line, 5 mm before it: open as a simulation's mesh
+// is. Every second triangle is turned round.
+std::vector<Triangle> cutOpen(const Surface& surface, const VesselTree& line, std::vector<Eigen::Vector3d>& places_mm) {
+  std::vector<Eigen::Vector3d> along;
+  for (int i = 0; i < line.size(); ++i) {
+    const bool root = line.parents()[i] < 0;
+    if (!root && !line.children()[i].empty()) continue;
+    int inner = i;
+    for (double way = 0; way < 5e-3;) {
+      const int next = root ? line.children()[inner].front() : line.parents()[inner];
+      way += (line.points().col(next) - line.points().col(inner)).norm();
+      inner = next;
+    }
+    places_mm.emplace_back(1e3 * line.points().col(inner));
+    along.emplace_back((line.points().col(i) - line.points().col(inner)).normalized());
+  }
+  std::vector<Triangle> triangles;
+  for (const auto& polygon : surface.polygons) {
+    Triangle triangle;
+    bool keep = true;
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector3d corner = surface.points_mm.col(polygon[static_cast<std::size_t>(k)]);
+      triangle[static_cast<std::size_t>(k)] = corner.cast<float>();
+      for (std::size_t e = 0; e < along.size(); ++e) {
+        const Eigen::Vector3d from = corner - places_mm[e];
+        keep = keep && !(from.norm() < 25 && along[e].dot(from) > 0);
+      }
+    }
+    if (triangles.size() % 2 == 1) std::swap(triangle[1], triangle[2]);
+    if (keep) triangles.push_back(triangle);
+  }
+  return triangles;
+}
+
+TEST(Reference, AortaCutOpenAndTurnedRoundIsTheSame) {
+  NEED_SHARED_DATA("vmtk-aorta/aorta-surface.vtp");
+  const VesselTree reference = readVesselTree(test::sharedData("vmtk-aorta/aorta-centerline.vtp"));
+  std::vector<Eigen::Vector3d> places_mm;
+  const test::TemporaryFolder folder;
+  const std::string path = folder.write(
+      "open.stl",
+      binaryStl(cutOpen(readVtpSurface(test::sharedData("vmtk-aorta/aorta-surface.vtp")), reference, places_mm)));
+  const FilledMesh mesh = readMesh(path, kVoxel, PatientFrame::kLps);
+  EXPECT_FALSE(repairsOf(mesh.repairs, Flaw::kMixedNormals).empty());
+  const auto ends = repairsOf(mesh.repairs, Flaw::kOpenEnd);
+  std::vector<Opening> openings;
+  for (const Repair& end : ends) openings.push_back({end.at_m, end.radius_m});
+  const ExtractedTree found = extractTree(vesselShape(mesh.mask, {}, {}), {}, std::nullopt, {}, openings);
+  EXPECT_EQ(found.tree.branches().size(), 3U);
+  EXPECT_GE(coverage(found.tree, reference, kVoxel).share, 0.95);
+  ASSERT_EQ(places_mm.size(), 3U);
+  EXPECT_EQ(ends.size(), 3U);
+  for (const Eigen::Vector3d& place_mm : places_mm) {
+    const auto near = [&](const Eigen::Vector3d& at_m) { return (1e3 * at_m - place_mm).norm(); };
+    double lid_mm = 1e3, end_mm = 1e3;
+    for (const Repair& end : ends) lid_mm = std::min(lid_mm, near(end.at_m));
+    for (int i = 0; i < found.tree.size(); ++i) {
+      const bool end = found.tree.parents()[i] < 0 || found.tree.children()[i].empty();
+      if (end) end_mm = std::min(end_mm, near(found.tree.points().col(i)));
+    }
+    // The edge of what is left is jagged by the side of a triangle, 1.5 mm, and the lid has its middle there.
+    EXPECT_LT(lid_mm, 1.5) << place_mm.transpose();
+    EXPECT_LT(end_mm, 1.5) << place_mm.transpose();
+  }
 }
 
 TEST(Reference, HepaticMaskBecomesATree) {

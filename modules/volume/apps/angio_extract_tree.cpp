@@ -2,6 +2,7 @@
 // angio-extract-tree: from a volume, a mask or a mesh to a vessel tree.
 #include <cstdio>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
@@ -24,14 +25,14 @@ namespace angio::apps {
 namespace {
 
 struct Options {
-  std::string volume, mask, out, settings, picture, compare;
+  std::string volume, mask, out, result, settings, picture, compare;
   std::string frame = "LPS", compare_frame = "LPS", mesh_frame = "LPS", inside = "above";
   double mesh_voxel_mm = 0.5;
   std::vector<std::string> box;
   std::vector<int> labels;
   std::optional<double> threshold;
   std::vector<std::string> seeds;
-  std::string root, ends;
+  std::string root, ends, cycles = "cut", kissing = "cut";
   std::vector<Eigen::Vector3d> seeds_m, box_m;  // The texts, read.
   std::optional<Eigen::Vector3d> root_m;
   std::optional<double> compare_mm;
@@ -102,7 +103,16 @@ struct Seen {
   Volume volume;
   std::optional<Volume> labels;
   std::optional<VoxelMask> mask;
+  std::vector<Repair> repairs;  // Of a surface.
 };
+
+std::vector<Opening> openingsOf(const std::vector<Repair>& repairs) {
+  std::vector<Opening> openings;
+  for (const Repair& repair : repairs) {
+    if (repair.flaw == Flaw::kOpenEnd) openings.push_back({repair.at_m, repair.radius_m});
+  }
+  return openings;
+}
 
 Volume boxOf(const Volume& volume, const Options& o) {
   if (o.box_m.empty()) return volume;
@@ -126,7 +136,9 @@ Seen readSeen(const Options& o, const ExtractionSettings& settings) {
   Seen seen;
   if (isMesh(o.volume)) {
     const double voxel_mm = settings.centreline.voxel_mm > 0 ? settings.centreline.voxel_mm : o.mesh_voxel_mm;
-    seen.mask = readMesh(o.volume, voxel_mm / 1e3, frameNamed(o.mesh_frame));
+    FilledMesh mesh = readMesh(o.volume, voxel_mm / 1e3, frameNamed(o.mesh_frame));
+    seen.mask = std::move(mesh.mask);
+    seen.repairs = std::move(mesh.repairs);
     seen.volume.grid = seen.mask->grid;
     seen.volume.values.assign(seen.mask->inside.begin(), seen.mask->inside.end());
     return seen;
@@ -152,11 +164,51 @@ std::vector<int> labelsOf(const Options& o, const Seen& seen) {
   return {labels.front().label};
 }
 
+struct Summary {
+  int trees = 0, branches = 0, ends = 0, cycles_cut = 0, small_trees_dropped = 0;
+  double length_mm = 0, seconds = 0;
+};
+
+Summary summaryOf(const ExtractedTree& found, double seconds) {
+  Summary s;
+  for (int i = 0; i < found.tree.size(); ++i) {
+    s.trees += found.tree.parents()[i] < 0;
+    s.ends += found.tree.children()[i].empty();
+  }
+  s.branches = static_cast<int>(found.tree.branches().size());
+  s.cycles_cut = found.count(Flaw::kCycle) + found.count(Flaw::kSelfTouch);
+  s.small_trees_dropped = found.count(Flaw::kSmallTree);
+  s.length_mm = 1e3 * found.tree.length();
+  s.seconds = seconds;
+  return s;
+}
+
+nlohmann::ordered_json asJson(const Options& o, const ExtractionSettings& settings, const Summary& s,
+                              const std::vector<Repair>& repairs) {
+  nlohmann::ordered_json json = {{"volume", o.volume},
+                                 {"tree", o.out},
+                                 {"frame", o.frame},
+                                 {"trees", s.trees},
+                                 {"branches", s.branches},
+                                 {"ends", s.ends},
+                                 {"length_mm", s.length_mm},
+                                 {"cycles_cut", s.cycles_cut},
+                                 {"small_trees_dropped", s.small_trees_dropped},
+                                 {"seconds", s.seconds}};
+  json["repairs"] = repairsAsJson(repairs, frameNamed(o.frame));
+  json["settings"] = settingsAsJson(settings);
+  json["settings"]["cycles"] = o.cycles;
+  json["settings"]["kissing"] = o.kissing;
+  return json;
+}
+
 int extract(Options o) {
-  for (const auto& path : {o.out, o.picture}) requireFolderOf(path);
+  for (const auto& path : {o.out, o.picture, o.result}) requireFolderOf(path);
   ExtractionSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   if (!o.ends.empty()) settings.centreline.ends = o.ends == "sphere" ? CentrelineEnd::kSphere : CentrelineEnd::kWall;
+  settings.centreline.cycles = o.cycles == "refuse" ? CycleRule::kRefuse : CycleRule::kCut;
+  settings.centreline.kissing = o.kissing == "keep" ? KissingRule::kKeep : KissingRule::kCut;
   const Stopwatch watch;
   ProgressBar bar("extracting", kExtractionStages + 2);
   bar.show(0, "reading");
@@ -166,20 +218,21 @@ int extract(Options o) {
   const Volume shape = seen.mask ? vesselShape(*seen.mask, settings.selection, o.seeds_m)
                                  : vesselShape(seen.labels ? *seen.labels : seen.volume, shapeOf(o, settings),
                                                settings.selection, o.seeds_m);
-  const ExtractedTree result = extractTree(shape, settings.centreline, o.root_m,
-                                           [&](int done, const char* stage) { bar.show(2 + done, stage); });
-  const VesselTree& tree = result.tree;
-  if (!o.picture.empty()) writeImage(o.picture, drawProjections(seen.volume, tree));
-  writeVesselTree(o.out, tree, frameNamed(o.frame));
-  int roots = 0, ends = 0;
-  for (int i = 0; i < tree.size(); ++i) {
-    roots += tree.parents()[i] < 0;
-    ends += tree.children()[i].empty();
-  }
-  std::printf("%d trees, %zu branches, %d ends, %.1f mm, %d cycles cut, %d small trees dropped, %.1f s\n", roots,
-              tree.branches().size(), ends, 1e3 * tree.length(), result.cycles_cut, result.trees_dropped,
-              watch.seconds());
-  if (!o.compare.empty()) compare(o, tree, seen.volume.grid);
+  const ExtractedTree result = extractTree(
+      shape, settings.centreline, o.root_m, [&](int done, const char* stage) { bar.show(2 + done, stage); },
+      openingsOf(seen.repairs));
+  std::vector<Repair> repairs = seen.repairs;
+  repairs.insert(repairs.end(), result.repairs.begin(), result.repairs.end());
+  const Summary summary = summaryOf(result, watch.seconds());
+  if (!o.picture.empty()) writeImage(o.picture, drawProjections(seen.volume, result.tree));
+  writeVesselTree(o.out, result.tree, frameNamed(o.frame));
+  if (!o.result.empty()) writeWholeFile(o.result, asJson(o, settings, summary, repairs).dump(2) + "\n");
+  std::printf("%d trees, %d branches, %d ends, %.1f mm, %d cycles cut, %d small trees dropped, %.1f s\n", summary.trees,
+              summary.branches, summary.ends, summary.length_mm, summary.cycles_cut, summary.small_trees_dropped,
+              summary.seconds);
+  constexpr std::size_t kPlaces = 5;  // All of them are in the result.
+  for (const std::string& line : repairLines(repairs, frameNamed(o.frame), kPlaces)) std::puts(line.c_str());
+  if (!o.compare.empty()) compare(o, result.tree, seen.volume.grid);
   return 0;
 }
 
@@ -208,6 +261,11 @@ int main(int argc, char** argv) {
   app.addOption("--root", o.root, "x,y,z [mm]: the tree begins at the end nearest to it");
   app.addOption("--ends", o.ends, "Where lines end: at the wall, or in the last sphere that fits, as VMTK's")
       ->check(angio::cli::oneOf({"wall", "sphere"}));
+  app.addOption("--cycles", o.cycles, "Loops of vessels: cut each at one place, or refuse the input")
+      ->check(angio::cli::oneOf({"cut", "refuse"}));
+  app.addOption("--kissing", o.kissing, "Vessels that only touch: part them, or keep them as one tree")
+      ->check(angio::cli::oneOf({"cut", "keep"}));
+  app.addOption("--result", o.result, "What was found and mended, where, and all settings (.json)");
   app.addOption("--frame", o.frame, "Axes of the result, of seeds and of the root")
       ->check(angio::cli::oneOf({"LPS", "RAS"}));
   app.addOption("--box", o.box, "Two corners x,y,z [mm]: only what lies between them")->expected(2);

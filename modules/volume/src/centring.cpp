@@ -18,6 +18,7 @@ struct Line {
   std::vector<double> radii;
   std::vector<double> weights;  // How much the smoothing must keep of each point.
   bool begins_at_fork = false;
+  bool begins_at_cut = false, ends_at_cut = false;  // The vessel goes on there.
 };
 
 std::size_t reachAt(const Line& line, std::size_t i, double min_nodes) {
@@ -164,6 +165,9 @@ Line lineOf(const SkeletonForest& forest, const SkeletonPath& path, std::size_t 
     line.points.push_back(forest.nodes[node]);
     line.radii.push_back(std::max(0.5, forest.depths[node]));
   }
+  line.begins_at_cut = forest.cut[path.nodes.front()];
+  line.ends_at_cut = forest.cut[path.nodes.back()];
+  if (line.ends_at_cut) return line;
   const std::vector<double> from_end(line.radii.rbegin(), line.radii.rend());
   const std::size_t most = line.points.size() - 1 - std::max<std::size_t>(last_fork, 1);
   line.points.resize(line.points.size() - std::min(nodesBehindEnd(from_end), most));
@@ -220,14 +224,16 @@ std::vector<CenteredPath> centered(const LevelField& level, const SkeletonForest
       centered_path.parent_place = static_cast<int>(centerBranch(level, smoothness, lines[parent], place, line));
       moved[p] = static_cast<long>(place) - centered_path.parent_place;
     } else {
-      moved[p] = -static_cast<long>(cutRoot(line, forks.first[p]));
+      if (!line.begins_at_cut) moved[p] = -static_cast<long>(cutRoot(line, forks.first[p]));
       center(level, smoothness, line);
     }
     const std::size_t end = line.points.size() - 1;
-    const auto ahead = wallAhead(level, innerPoint(line, end), line.points[end], line.radii[end]);
     centered_path.points = line.points;
-    if (ahead) centered_path.points.push_back(*ahead);
-    if (!line.begins_at_fork) {
+    if (!line.ends_at_cut) {
+      const auto ahead = wallAhead(level, innerPoint(line, end), line.points[end], line.radii[end]);
+      if (ahead) centered_path.points.push_back(*ahead);
+    }
+    if (!line.begins_at_fork && !line.begins_at_cut) {
       const auto before = wallAhead(level, innerPoint(line, 0), line.points.front(), line.radii.front());
       if (before) centered_path.points.front() = *before;
     }

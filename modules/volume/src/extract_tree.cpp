@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/joined.hpp"
 #include "angio/volume/shape.hpp"
 #include "angio/volume/thinning.hpp"
 #include "centring.hpp"
@@ -60,6 +63,47 @@ void addPath(const std::vector<CenteredPath>& paths, std::size_t p, const std::v
     if (to == from) continue;
     mine[to] = addSteps(path.points, from, to, spacing, mine[from], points);
     from = to;
+  }
+}
+
+// Which of the openings a point lies in, the nearest; none.
+const Opening* openingAt(const std::vector<Opening>& openings, const Eigen::Vector3d& point_m) {
+  const Opening* best = nullptr;
+  for (const Opening& o : openings) {
+    const double distance_m = (o.middle_m - point_m).norm();
+    if (distance_m < o.radius_m && (!best || distance_m < (best->middle_m - point_m).norm())) best = &o;
+  }
+  return best;
+}
+
+// Leads ends that lie in an opening to its middle, from a radius away or from the next fork.
+void endInOpenings(const std::vector<Opening>& openings, const VoxelGrid& grid, std::vector<CenteredPath>& paths) {
+  std::vector<std::size_t> first_fork(paths.size(), SIZE_MAX), last_fork(paths.size(), 0);
+  for (const CenteredPath& path : paths) {
+    if (path.parent < 0) continue;
+    const std::size_t place = path.parent_place;
+    first_fork[path.parent] = std::min(first_fork[path.parent], place);
+    last_fork[path.parent] = std::max(last_fork[path.parent], place);
+  }
+  const auto within = [&](const Opening& o, const Eigen::Vector3d& index) {
+    return (grid.pointAt(index) - o.middle_m).norm() < o.radius_m;
+  };
+  for (std::size_t p = 0; p < paths.size(); ++p) {
+    auto& points = paths[p].points;
+    if (const Opening* const o = openingAt(openings, grid.pointAt(points.back()))) {
+      while (points.size() > last_fork[p] + 1 && points.size() > 1 && within(*o, points.back())) points.pop_back();
+      points.push_back(grid.indexAt(o->middle_m));
+    }
+    const Opening* const o = paths[p].parent < 0 ? openingAt(openings, grid.pointAt(points.front())) : nullptr;
+    if (!o) continue;
+    const std::size_t most = std::min(first_fork[p] - 1, points.size() - 2);
+    std::size_t cut = 0;
+    while (cut < most && within(*o, points[cut + 1])) ++cut;
+    points.erase(points.begin(), points.begin() + static_cast<long>(cut));
+    points.front() = grid.indexAt(o->middle_m);
+    for (CenteredPath& child : paths) {
+      if (child.parent == static_cast<int>(p)) child.parent_place -= static_cast<int>(cut);
+    }
   }
 }
 
@@ -149,10 +193,66 @@ VesselTree treeOf(const Points& points, const VoxelGrid& grid) {
   return {std::move(points_m), points.parents, std::move(radii_m)};
 }
 
+const char* doneAbout(Flaw flaw) {
+  switch (flaw) {
+    case Flaw::kCycle:
+      return "cut where it is thinnest";
+    case Flaw::kSelfTouch:
+      return "cut where it touches";
+    case Flaw::kKissing:
+      return "parted";
+    default:
+      return "dropped";
+  }
+}
+
+// In the patient, the longest of each kind first.
+std::vector<Repair> repairsOf(const SkeletonForest& forest, const VoxelGrid& grid) {
+  const double voxel_m = grid.spacing_m.x();
+  std::vector<Repair> repairs;
+  for (const SkeletonRepair& r : forest.repairs) {
+    repairs.push_back({r.flaw, grid.pointAt(r.at), r.length * voxel_m, r.radius * voxel_m, 1, doneAbout(r.flaw)});
+  }
+  std::stable_sort(repairs.begin(), repairs.end(), [](const Repair& a, const Repair& b) {
+    return a.flaw != b.flaw ? a.flaw < b.flaw : a.length_m > b.length_m;
+  });
+  return repairs;
+}
+
+void refuseCycles(const std::vector<Repair>& repairs) {
+  std::vector<Repair> cycles;
+  std::copy_if(repairs.begin(), repairs.end(), std::back_inserter(cycles),
+               [](const Repair& r) { return r.flaw == Flaw::kCycle || r.flaw == Flaw::kSelfTouch; });
+  if (cycles.empty()) return;
+  std::vector<std::string> places;
+  for (const Repair& r : cycles) places.push_back(repairPlace(r, PatientFrame::kLps));
+  throw InputError("vessels", "cycles", std::to_string(cycles.size()),
+                   "must be none where they are refused; L, P, S [mm]: " + joined(places, 5, "; "));
+}
+
+SkeletonForest treesOf(SkeletonGraph graph, const CentrelineSettings& settings, double voxel_mm,
+                       const std::optional<Eigen::Vector3d>& root) {
+  const auto forestOf = [&] {
+    return withoutSpurs(linked(graph, settings.kissing, root), settings.min_branch_mm / voxel_mm,
+                        settings.min_branch_radii);
+  };
+  SkeletonForest forest = forestOf();
+  if (std::none_of(forest.cut.begin(), forest.cut.end(), [](bool cut) { return cut; })) return forest;
+  // Loops are cut far from the roots, and which ends are the thickest is seen when loops are cut and spurs are gone.
+  markRoots(forest, root, graph);
+  return forestOf();
+}
+
 }  // namespace
 
+int ExtractedTree::count(Flaw flaw) const {
+  return static_cast<int>(
+      std::count_if(repairs.begin(), repairs.end(), [&](const Repair& r) { return r.flaw == flaw; }));
+}
+
 ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& settings,
-                          const std::optional<Eigen::Vector3d>& root_m, const ExtractionProgress& progress) {
+                          const std::optional<Eigen::Vector3d>& root_m, const ExtractionProgress& progress,
+                          const std::vector<Opening>& openings) {
   checkSettings("centreline", settings);
   const auto begin = [&](int stage, const char* name) {
     if (progress) progress(stage, name);
@@ -170,19 +270,20 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
   begin(2, "thinning");
   const LevelField level(fine);
   const NearestPoint wall(level.wallPoints());
-  SkeletonForest forest = linked(thinned(mask, depth_m), wall);
-  int trees_dropped = 0;
-  forest = withoutSpurs(forest, settings.min_branch_mm / voxel_mm, settings.min_branch_radii);
-  forest = withoutSmallTrees(forest, settings.min_tree_mm / voxel_mm, trees_dropped);
+  const std::optional<Eigen::Vector3d> root =
+      root_m ? std::optional<Eigen::Vector3d>(fine.grid.indexAt(*root_m)) : std::nullopt;
+  const SkeletonGraph graph = graphOf(thinned(mask, depth_m), wall);
+  SkeletonForest forest = treesOf(graph, settings, voxel_mm, root);
+  if (settings.cycles == CycleRule::kRefuse) refuseCycles(repairsOf(forest, fine.grid));
+  forest = withoutSmallTrees(forest, settings.min_tree_mm / voxel_mm);
   if (forest.nodes.empty()) {
     throw InputError("volume", "min_tree_mm", formatValue(settings.min_tree_mm), "no tree is that long");
   }
 
   begin(3, "centring");
-  const std::optional<Eigen::Vector3d> root =
-      root_m ? std::optional<Eigen::Vector3d>(fine.grid.indexAt(*root_m)) : std::nullopt;
-  const auto paths =
+  auto paths =
       centered(level, forest, pathsOf(forest, root), {settings.smoothing_mm / voxel_mm, settings.smoothing_radii});
+  endInOpenings(openings, fine.grid, paths);
   begin(4, "points and radii");
   Points points;
   const auto cuts = cutsOf(paths);
@@ -195,7 +296,7 @@ ExtractedTree extractTree(const Volume& shape, const CentrelineSettings& setting
   for (const auto& point : points.at) spheres.push_back(std::max(kMinRadius, wall.distance(point)));
   setRadii(spheres, points);
   if (settings.ends == CentrelineEnd::kSphere) points = withoutCaps(points, spheres);
-  return {treeOf(points, fine.grid), forest.cycles_cut, trees_dropped};
+  return {treeOf(points, fine.grid), repairsOf(forest, fine.grid)};
 }
 
 }  // namespace angio::volume

@@ -2,7 +2,6 @@
 #include "angio/volume/mesh_files.hpp"
 
 #include <vtkCellArray.h>
-#include <vtkFillHolesFilter.h>
 #include <vtkImageData.h>
 #include <vtkImageStencilData.h>
 #include <vtkNew.h>
@@ -12,11 +11,11 @@
 #include <vtkTriangleFilter.h>
 
 #include <algorithm>
-#include <array>
-#include <map>
+#include <cmath>
 
 #include "angio/base/errors.hpp"
 #include "angio/io/format_table.hpp"
+#include "closed_shells.hpp"
 #include "surface_formats.hpp"
 
 namespace angio::volume {
@@ -36,25 +35,52 @@ class VtkSilence {
   int before_ = vtkObject::GetGlobalWarningDisplay();
 };
 
-// With VTK's own readers a broken file ends the program. Points at one place become one: pieces of a surface, and
-// triangles with corners of their own, are joined.
-vtkSmartPointer<vtkPolyData> meshOf(const Surface& surface) {
+// Polygons may have any number of corners.
+TriangleMesh trianglesOf(const Surface& surface) {
+  TriangleMesh result;
   vtkNew<vtkPoints> points;
-  std::map<std::array<double, 3>, vtkIdType> point_at;
-  std::vector<vtkIdType> point_of;
+  points->SetDataTypeToDouble();
   for (const Eigen::Vector3d& p_mm : surface.points_mm.colwise()) {
-    const auto [place, fresh] = point_at.emplace(std::array{p_mm.x(), p_mm.y(), p_mm.z()}, points->GetNumberOfPoints());
-    if (fresh) points->InsertNextPoint(p_mm.data());
-    point_of.push_back(place->second);
+    points->InsertNextPoint(p_mm.data());
+    result.points_mm.push_back(p_mm);
   }
   vtkNew<vtkCellArray> polygons;
   for (const auto& polygon : surface.polygons) {
+    if (polygon.size() == 3) {
+      result.triangles.push_back({polygon[0], polygon[1], polygon[2]});
+      continue;
+    }
     polygons->InsertNextCell(static_cast<int>(polygon.size()));
-    for (const int corner : polygon) polygons->InsertCellPoint(point_of[corner]);
+    for (const int corner : polygon) polygons->InsertCellPoint(corner);
   }
-  const auto mesh = vtkSmartPointer<vtkPolyData>::New();
+  vtkNew<vtkPolyData> mesh;
   mesh->SetPoints(points);
   mesh->SetPolys(polygons);
+  vtkNew<vtkTriangleFilter> triangles;
+  triangles->SetInputData(mesh);
+  triangles->Update();
+  vtkNew<vtkIdList> corners;
+  vtkCellArray* const cells = triangles->GetOutput()->GetPolys();
+  cells->InitTraversal();
+  while (cells->GetNextCell(corners)) {
+    if (corners->GetNumberOfIds() != 3) continue;
+    result.triangles.push_back({static_cast<int>(corners->GetId(0)), static_cast<int>(corners->GetId(1)),
+                                static_cast<int>(corners->GetId(2))});
+  }
+  return result;
+}
+
+vtkSmartPointer<vtkPolyData> polyDataOf(const TriangleMesh& shell) {
+  vtkNew<vtkPoints> points;
+  for (const Eigen::Vector3d& p_mm : shell.points_mm) points->InsertNextPoint(p_mm.data());
+  vtkNew<vtkCellArray> cells;
+  for (const auto& triangle : shell.triangles) {
+    cells->InsertNextCell(3);
+    for (const int corner : triangle) cells->InsertCellPoint(corner);
+  }
+  auto mesh = vtkSmartPointer<vtkPolyData>::New();
+  mesh->SetPoints(points);
+  mesh->SetPolys(cells);
   return mesh;
 }
 
@@ -81,16 +107,50 @@ void check(const std::string& path, PatientFrame frame, Surface& surface) {
   if (surface.polygons.empty()) throw InputError(path, "triangles", "0", "must hold a surface");
 }
 
-vtkSmartPointer<vtkPolyData> closed(vtkPolyData& mesh) {
-  vtkNew<vtkTriangleFilter> triangles;
-  triangles->SetInputData(&mesh);
-  triangles->PassVertsOff();
-  triangles->PassLinesOff();
-  vtkNew<vtkFillHolesFilter> lids;
-  lids->SetInputConnection(triangles->GetOutputPort());
-  lids->SetHoleSize(1e4);
-  lids->Update();
-  return lids->GetOutput();
+// Voxels that hold the surface and one more on each side.
+VoxelGrid gridAround(const std::string& path, const Eigen::Matrix3Xd& points_mm, double voxel_m) {
+  const double voxel_mm = 1e3 * voxel_m;
+  const Eigen::Vector3d low_mm = points_mm.rowwise().minCoeff(), high_mm = points_mm.rowwise().maxCoeff();
+  VoxelGrid grid;
+  grid.spacing_m.setConstant(voxel_m);
+  double voxels = 1;
+  for (int k = 0; k < 3; ++k) {
+    const double first_mm = low_mm[k] - voxel_mm, size = std::ceil((high_mm[k] - first_mm) / voxel_mm) + 2;
+    grid.origin_m[k] = first_mm / 1e3;
+    voxels *= size;
+    if (voxels > static_cast<double>(kMaxMeshVoxels)) {
+      throw InputError(path, "voxel_mm", formatValue(voxel_mm),
+                       "would make more than " + std::to_string(kMaxMeshVoxels) + " voxels");
+    }
+    grid.size[k] = static_cast<int>(size);
+  }
+  return grid;
+}
+
+// Marks the voxels inside a closed surface.
+void fill(vtkPolyData& surface, VoxelMask& mask) {
+  double bounds[6];
+  surface.GetBounds(bounds);
+  int extent[6];
+  for (int k = 0; k < 3; ++k) {
+    const auto indexOf = [&](double x_mm) { return (x_mm / 1e3 - mask.grid.origin_m[k]) / mask.grid.spacing_m[k]; };
+    extent[2 * k] = std::max(0, static_cast<int>(std::floor(indexOf(bounds[2 * k]))) - 1);
+    extent[2 * k + 1] = std::min(mask.grid.size[k] - 1, static_cast<int>(std::ceil(indexOf(bounds[2 * k + 1]))) + 1);
+  }
+  vtkNew<vtkPolyDataToImageStencil> stencil;
+  stencil->SetInputData(&surface);
+  stencil->SetOutputOrigin((1e3 * mask.grid.origin_m).eval().data());
+  stencil->SetOutputSpacing((1e3 * mask.grid.spacing_m).eval().data());
+  stencil->SetOutputWholeExtent(extent);
+  stencil->Update();
+  for (int z = extent[4]; z <= extent[5]; ++z) {
+    for (int y = extent[2]; y <= extent[3]; ++y) {
+      int first = 0, last = 0, next = 0;
+      while (stencil->GetOutput()->GetNextExtent(first, last, extent[0], extent[1], y, z, next)) {
+        std::fill_n(&mask.inside[mask.grid.offset({first, y, z})], last - first + 1, std::uint8_t{1});
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -100,45 +160,19 @@ bool isMesh(const std::string& path) {
                      [&](const MeshFormat& format) { return hasExtension(path, format.extension); });
 }
 
-VoxelMask readMesh(const std::string& path, double voxel_m, PatientFrame frame) {
+FilledMesh readMesh(const std::string& path, double voxel_m, PatientFrame frame) {
   requirePositive(path, "voxel_m", voxel_m);
   const VtkSilence silence;
   Surface read = formatOf(path, kMeshFormats).read(path);
   check(path, frame, read);
-  const auto surface = closed(*meshOf(read));
-
-  const double voxel_mm = 1e3 * voxel_m;
-  double bounds[6];
-  surface->GetBounds(bounds);
-  VoxelMask mask;
-  mask.grid.spacing_m.setConstant(voxel_m);
-  double voxels = 1;
-  for (int k = 0; k < 3; ++k) {
-    const double first_mm = bounds[2 * k] - voxel_mm, size = std::ceil((bounds[2 * k + 1] - first_mm) / voxel_mm) + 2;
-    mask.grid.origin_m[k] = first_mm / 1e3;
-    voxels *= size;
-    if (voxels > static_cast<double>(kMaxMeshVoxels)) {
-      throw InputError(path, "voxel_mm", formatValue(voxel_mm),
-                       "would make more than " + std::to_string(kMaxMeshVoxels) + " voxels");
-    }
-    mask.grid.size[k] = static_cast<int>(size);
-  }
-  vtkNew<vtkPolyDataToImageStencil> stencil;
-  stencil->SetInputData(surface);
-  stencil->SetOutputOrigin((1e3 * mask.grid.origin_m).eval().data());
-  stencil->SetOutputSpacing(voxel_mm, voxel_mm, voxel_mm);
-  stencil->SetOutputWholeExtent(0, mask.grid.size.x() - 1, 0, mask.grid.size.y() - 1, 0, mask.grid.size.z() - 1);
-  stencil->Update();
-  mask.inside.assign(mask.grid.count(), 0);
-  for (int z = 0; z < mask.grid.size.z(); ++z) {
-    for (int y = 0; y < mask.grid.size.y(); ++y) {
-      int first = 0, last = 0, next = 0;
-      while (stencil->GetOutput()->GetNextExtent(first, last, 0, mask.grid.size.x() - 1, y, z, next)) {
-        std::fill_n(&mask.inside[mask.grid.offset({first, y, z})], last - first + 1, std::uint8_t{1});
-      }
-    }
-  }
-  return mask;
+  constexpr double kSamePoint = 0.01;  // Of a voxel: no voxel sees the difference.
+  FilledMesh result;
+  result.mask.grid = gridAround(path, read.points_mm, voxel_m);
+  result.mask.inside.assign(result.mask.grid.count(), 0);
+  ClosedShells closed = closedShells(trianglesOf(read), kSamePoint * 1e3 * voxel_m);
+  for (const TriangleMesh& shell : closed.shells) fill(*polyDataOf(shell), result.mask);
+  result.repairs = std::move(closed.repairs);
+  return result;
 }
 
 }  // namespace angio::volume

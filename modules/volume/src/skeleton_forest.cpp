@@ -2,36 +2,13 @@
 #include "skeleton_forest.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <numeric>
-#include <unordered_map>
 
-#include "angio/volume/thinning.hpp"
+#include "groups.hpp"
 
 namespace angio::volume {
 namespace {
-
-// Sets that grow together.
-class Groups {
- public:
-  explicit Groups(std::size_t count) : leader_(count) { std::iota(leader_.begin(), leader_.end(), 0); }
-  int of(int i) {
-    while (leader_[i] != i) {
-      int& leader = leader_[i];
-      leader = leader_[leader];
-      i = leader;
-    }
-    return i;
-  }
-  bool join(int a, int b) {
-    a = of(a), b = of(b);
-    if (a == b) return false;
-    leader_[std::max(a, b)] = std::min(a, b);
-    return true;
-  }
-
- private:
-  std::vector<int> leader_;
-};
 
 struct Link {
   int a, b;
@@ -44,8 +21,6 @@ struct Walk {
   std::vector<int> parent;               // By node; -1 at the first.
   std::vector<double> distance, height;  // From the first node; to the farthest end below.
 };
-
-double lengthOf(const SkeletonForest& forest, int a, int b) { return (forest.nodes[a] - forest.nodes[b]).norm(); }
 
 void walkFrom(const SkeletonForest& forest, int first, Walk& walk) {
   walk.parent.resize(forest.nodes.size(), -1);
@@ -90,15 +65,20 @@ void forEachTree(const SkeletonForest& forest, const Visit& visit) {
   }
 }
 
-SkeletonForest onlyKept(const SkeletonForest& forest, const std::vector<bool>& keep) {
+SkeletonForest onlyKept(const SkeletonForest& forest, const std::vector<bool>& keep,
+                        const std::vector<SkeletonRepair>& repairs) {
   SkeletonForest result;
-  result.cycles_cut = forest.cycles_cut;
+  result.repairs = forest.repairs;
+  result.repairs.insert(result.repairs.end(), repairs.begin(), repairs.end());
   std::vector<int> now(forest.nodes.size(), -1);
   for (std::size_t i = 0; i < forest.nodes.size(); ++i) {
     if (!keep[i]) continue;
     now[i] = static_cast<int>(result.nodes.size());
     result.nodes.push_back(forest.nodes[i]);
     result.depths.push_back(forest.depths[i]);
+    result.cut.push_back(forest.cut[i]);
+    result.fork.push_back(forest.fork[i]);
+    result.root.push_back(forest.root[i]);
   }
   result.links.resize(result.nodes.size());
   for (std::size_t i = 0; i < forest.nodes.size(); ++i) {
@@ -108,37 +88,6 @@ SkeletonForest onlyKept(const SkeletonForest& forest, const std::vector<bool>& k
     }
   }
   return result;
-}
-
-// Median depth from an end to the first fork: an end's own depth says nothing, as it lies at a wall.
-double thicknessAt(const SkeletonForest& forest, int end) {
-  std::vector<double> depths;
-  int before = -1, at = end;
-  for (;;) {
-    depths.push_back(forest.depths[at]);
-    const auto& links = forest.links[at];
-    if (links.size() > 2 || (before >= 0 && links.size() == 1) || links.empty()) break;
-    const int next = links[0] == before ? links[1] : links[0];
-    before = at;
-    at = next;
-  }
-  const auto middle = depths.begin() + depths.size() / 2;
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
-}
-
-int rootOf(const SkeletonForest& forest, const std::vector<int>& tree, const std::optional<Eigen::Vector3d>& root) {
-  int best = tree.front();
-  double best_score = -1e300;
-  for (const int node : tree) {
-    if (forest.links[node].size() > 1) continue;
-    const double score = root ? -(forest.nodes[node] - *root).norm() : thicknessAt(forest, node);
-    if (score > best_score) {
-      best = node;
-      best_score = score;
-    }
-  }
-  return best;
 }
 
 void addPaths(const SkeletonForest& forest, const Walk& walk, std::vector<SkeletonPath>& paths) {
@@ -168,62 +117,61 @@ void addPaths(const SkeletonForest& forest, const Walk& walk, std::vector<Skelet
   }
 }
 
-// How far what begins with a child goes from a fork as the crow flies: a way across a wide vessel may be a long one.
-double farthestOf(const SkeletonForest& forest, const Walk& walk, int fork, int child) {
-  double farthest = 0;
+// visit(node) for what begins with a child.
+template <typename Visit>
+void forEachBelow(const SkeletonForest& forest, const Walk& walk, int child, const Visit& visit) {
   std::vector<int> open = {child};
   while (!open.empty()) {
     const int node = open.back();
     open.pop_back();
-    farthest = std::max(farthest, lengthOf(forest, fork, node));
+    visit(node);
     for (const int next : forest.links[node]) {
       if (next != walk.parent[node]) open.push_back(next);
     }
   }
+}
+
+// How far what begins with a child goes from a fork as the crow flies: a way across a wide vessel may be a long one.
+double farthestOf(const SkeletonForest& forest, const Walk& walk, int fork, int child) {
+  double farthest = 0;
+  forEachBelow(forest, walk, child, [&](int node) { farthest = std::max(farthest, lengthOf(forest, fork, node)); });
   return farthest;
+}
+
+bool leadsToCut(const SkeletonForest& forest, const Walk& walk, int child) {
+  bool leads = false;
+  forEachBelow(forest, walk, child, [&](int node) { leads = leads || forest.cut[node]; });
+  return leads;
 }
 
 }  // namespace
 
-SkeletonForest linked(const VoxelMask& skeleton, const NearestPoint& wall) {
+SkeletonForest linked(SkeletonGraph graph, KissingRule kissing, const std::optional<Eigen::Vector3d>& root) {
   SkeletonForest forest;
-  const VoxelGrid& grid = skeleton.grid;
-  std::unordered_map<std::size_t, int> node_at;
+  forest.repairs = cutCycles(graph, kissing, root);
   std::vector<Link> links;
-  forEachVoxel(grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
-    if (!skeleton.inside[at]) return;
-    const int node = static_cast<int>(forest.nodes.size());
-    node_at.emplace(at, node);
-    forest.nodes.push_back(v.cast<double>());
-    forest.depths.push_back(wall.distance(v.cast<double>()));
-    for (int k = 0; k < 13; ++k) {  // The neighbours before this one.
-      const Eigen::Vector3i u = v + Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-      if (!grid.holds(u)) continue;
-      const auto other = node_at.find(grid.offset(u));
-      if (other == node_at.end()) continue;
-      links.push_back({other->second, node, std::min(forest.depths[other->second], forest.depths.back()),
-                       (u - v).cast<double>().norm()});
+  for (int b = 0; b < static_cast<int>(graph.nodes.size()); ++b) {
+    for (const int a : graph.links[b]) {
+      if (a < b) links.push_back({a, b, std::min(graph.depths[a], graph.depths[b]), lengthOf(graph, a, b)});
     }
-  });
+  }
   std::stable_sort(links.begin(), links.end(), [](const Link& a, const Link& b) {
     return a.depth != b.depth ? a.depth > b.depth : a.length < b.length;
   });
-  Groups groups(forest.nodes.size());
-  forest.links.resize(forest.nodes.size());
-  int trees = static_cast<int>(forest.nodes.size());
+  Groups groups(graph.nodes.size());
+  graph.links.assign(graph.nodes.size(), {});
   for (const Link& link : links) {
     if (!groups.join(link.a, link.b)) continue;
-    --trees;
-    forest.links[link.a].push_back(link.b);
-    forest.links[link.b].push_back(link.a);
+    graph.links[link.a].push_back(link.b);
+    graph.links[link.b].push_back(link.a);
   }
-  // A skeleton has no cavities; three voxels that touch each other are no loop.
-  forest.cycles_cut = static_cast<int>(trees - eulerNumber(skeleton));
+  static_cast<SkeletonGraph&>(forest) = std::move(graph);
   return forest;
 }
 
 SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, double radii) {
   std::vector<bool> keep(forest.nodes.size(), true);
+  std::vector<SkeletonRepair> stubs;
   Walk walk;
   forEachTree(forest, [&](int first) {
     // From an end of the longest way, which is no spur.
@@ -238,10 +186,15 @@ SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, doubl
       for (const int child : forest.links[node]) {
         if (child == walk.parent[node] || child == longest) continue;
         const double wanted = forest.depths[node] + std::max(shortest, radii * forest.depths[node]);
-        // Far longer ways need no second look.
-        const bool reaches =
-            reach(child) >= 4 * wanted || (reach(child) >= wanted && farthestOf(forest, walk, node, child) >= wanted);
-        if (!reaches) keep[child] = false;
+        if (reach(child) >= 4 * wanted) continue;  // Far longer ways need no second look.
+        const double farthest = farthestOf(forest, walk, node, child);
+        if (farthest >= wanted) continue;
+        keep[child] = false;
+        // What ends within the vessel is no more than the skeleton's noise, what was cut has been told of.
+        const double out = farthest - forest.depths[node];
+        if (out >= 1 && !leadsToCut(forest, walk, child)) {
+          stubs.push_back({Flaw::kStub, forest.nodes[node], out, forest.depths[node]});
+        }
       }
     }
     for (const int node : walk.order) {  // What hangs on a spur goes with it.
@@ -249,11 +202,12 @@ SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, doubl
       if (parent >= 0 && !keep[parent]) keep[node] = false;
     }
   });
-  return onlyKept(forest, keep);
+  return onlyKept(forest, keep, stubs);
 }
 
-SkeletonForest withoutSmallTrees(const SkeletonForest& forest, double shortest, int& dropped) {
+SkeletonForest withoutSmallTrees(const SkeletonForest& forest, double shortest) {
   std::vector<bool> keep(forest.nodes.size(), true);
+  std::vector<SkeletonRepair> dropped;
   Walk walk;
   forEachTree(forest, [&](int first) {
     walkFrom(forest, first, walk);
@@ -262,30 +216,17 @@ SkeletonForest withoutSmallTrees(const SkeletonForest& forest, double shortest, 
       length += lengthOf(forest, walk.order[i], walk.parent[walk.order[i]]);
     }
     if (length > 0 && length >= shortest) return;
-    ++dropped;
+    const int thickest = *std::max_element(walk.order.begin(), walk.order.end(),
+                                           [&](int a, int b) { return forest.depths[a] < forest.depths[b]; });
+    dropped.push_back({Flaw::kSmallTree, forest.nodes[thickest], length, forest.depths[thickest]});
     for (const int node : walk.order) keep[node] = false;
   });
-  return onlyKept(forest, keep);
+  return onlyKept(forest, keep, dropped);
 }
 
 std::vector<SkeletonPath> pathsOf(const SkeletonForest& forest, const std::optional<Eigen::Vector3d>& root) {
-  std::vector<std::vector<int>> trees;
-  Walk walk;
-  forEachTree(forest, [&](int first) {
-    walkFrom(forest, first, walk);
-    trees.push_back(walk.order);
-  });
-  std::size_t nearest = 0;
-  double nearest_distance = 1e300;
-  for (std::size_t t = 0; root && t < trees.size(); ++t) {
-    for (const int node : trees[t]) {
-      const double distance = (forest.nodes[node] - *root).norm();
-      if (distance < nearest_distance) {
-        nearest = t;
-        nearest_distance = distance;
-      }
-    }
-  }
+  const auto trees = piecesOf(forest);
+  const std::size_t nearest = root ? nearestPiece(forest, trees, *root) : SIZE_MAX;
   // The largest tree first, but the one that was asked for before it.
   std::vector<std::size_t> turns(trees.size());
   std::iota(turns.begin(), turns.end(), std::size_t{0});
@@ -294,6 +235,7 @@ std::vector<SkeletonPath> pathsOf(const SkeletonForest& forest, const std::optio
     return trees[a].size() > trees[b].size();
   });
   std::vector<SkeletonPath> paths;
+  Walk walk;
   for (const std::size_t t : turns) {
     walkFrom(forest, rootOf(forest, trees[t], t == nearest ? root : std::nullopt), walk);
     addPaths(forest, walk, paths);

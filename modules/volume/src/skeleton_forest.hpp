@@ -5,28 +5,24 @@
 #include <optional>
 #include <vector>
 
-#include "angio/volume/volume.hpp"
-#include "nearest_point.hpp"
+#include "skeleton_cycles.hpp"
 
 namespace angio::volume {
 
-/// Voxels of a skeleton, linked to trees. Positions are indices of a volume of equal voxels, lengths in voxels.
-struct SkeletonForest {
-  std::vector<Eigen::Vector3d> nodes;
-  std::vector<double> depths;           ///< Distance to the wall.
-  std::vector<std::vector<int>> links;  ///< Neighbours of each node; no loops.
-  int cycles_cut = 0;                   ///< Loops that the skeleton had.
+/// Voxels of a skeleton, linked to trees: a graph without loops.
+struct SkeletonForest : SkeletonGraph {
+  std::vector<SkeletonRepair> repairs;  ///< What was done to get it.
 };
 
-/// Links neighbouring voxels by the widest ways: of every loop the link with the smallest depth is left out.
-SkeletonForest linked(const VoxelMask& skeleton, const NearestPoint& wall);
+/// The graph without its loops (cutCycles). Where voxels touch more neighbours than a tree needs, the widest ways stay.
+SkeletonForest linked(SkeletonGraph graph, KissingRule kissing, const std::optional<Eigen::Vector3d>& root);
 
 /// Without side branches that reach less than `shortest` [voxels], or less than `radii` times the depth of where they
 /// begin, out of the vessel they begin in.
 SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, double radii);
 
-/// Without trees of less than `shortest` length in all [voxels]; counts them in `dropped`.
-SkeletonForest withoutSmallTrees(const SkeletonForest& forest, double shortest, int& dropped);
+/// Without trees of less than `shortest` length in all [voxels].
+SkeletonForest withoutSmallTrees(const SkeletonForest& forest, double shortest);
 
 /// A way through a tree from a fork (or the root) to an end.
 struct SkeletonPath {
