@@ -92,7 +92,10 @@ TEST(Reference, AortaCutOpenAndTurnedRoundIsTheSame) {
   for (const Repair& end : ends) openings.push_back({end.at_m, end.radius_m});
   const ExtractedTree found = extractTree(vesselShape(mesh.mask, {}, {}), {}, std::nullopt, {}, openings);
   EXPECT_EQ(found.tree.branches().size(), 3U);
-  EXPECT_GE(coverage(found.tree, reference, kVoxel).share, 0.95);
+  const Coverage near_reference = coverage(found.tree, reference, kVoxel);
+  std::printf("cut open: %.1f %% within a voxel of VMTK's line, %.2f mm at most\n", 100 * near_reference.share,
+              1e3 * near_reference.worst_m);
+  EXPECT_GE(near_reference.share, 0.95);
   ASSERT_EQ(places_mm.size(), 3U);
   EXPECT_EQ(ends.size(), 3U);
   for (const Eigen::Vector3d& place_mm : places_mm) {
@@ -104,6 +107,7 @@ TEST(Reference, AortaCutOpenAndTurnedRoundIsTheSame) {
       if (end) end_mm = std::min(end_mm, near(found.tree.points().col(i)));
     }
     // The edge of what is left is jagged by the side of a triangle, 1.5 mm, and the lid has its middle there.
+    std::printf("opening: lid %.2f mm, the line's end %.2f mm from VMTK's line\n", lid_mm, end_mm);
     EXPECT_LT(lid_mm, 1.5) << place_mm.transpose();
     EXPECT_LT(end_mm, 1.5) << place_mm.transpose();
   }
@@ -127,6 +131,49 @@ TEST(Reference, HepaticMaskBecomesATree) {
     }
     EXPECT_TRUE(near) << i;
   }
+}
+
+// Places of voxels of label 1 that touch label 2 [m].
+std::vector<Eigen::Vector3d> contactsOfLabels(const Volume& volume) {
+  std::vector<Eigen::Vector3d> contacts_m;
+  forEachVoxel(volume.grid.size, [&](const Eigen::Vector3i& v, std::size_t at) {
+    if (volume.values[at] != 1) return;
+    for (int k = 0; k < 27; ++k) {
+      const Eigen::Vector3i u = v + Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+      if (!volume.grid.holds(u) || volume.values[volume.grid.offset(u)] != 2) continue;
+      contacts_m.push_back(volume.grid.pointAt(v.cast<double>()));
+      return;
+    }
+  });
+  return contacts_m;
+}
+
+// Hepatic and portal veins taken for one label: where the loops of this mask are cut at a contact, the labels say
+// whether it is one. The rule was tuned on 008.
+TEST(Reference, LoopsOfTwoKindsOfVeinsAreCutWhereTheyTouch) {
+  NEED_SHARED_DATA("msd-hepatic-masks/hepaticvessel_002_vsnet.nii.gz");
+  int held_out = 0, held_out_right = 0;
+  for (const char* const mask : {"008", "002", "010"}) {
+    const Volume volume =
+        readVolume(test::sharedData("msd-hepatic-masks/hepaticvessel_" + std::string(mask) + "_vsnet.nii.gz"));
+    const auto contacts_m = contactsOfLabels(volume);
+    const ExtractedTree found = extractTree(vesselShape(volume, LabelSettings{{1, 2}}, {}, {}), {});
+    int right = 0, touches = 0;
+    for (const Repair& repair : repairsOf(found.repairs, Flaw::kSelfTouch)) {
+      ++touches;
+      // A slice is up to 5 mm thick, and the mask between slices is interpolated.
+      right += std::any_of(contacts_m.begin(), contacts_m.end(),
+                           [&](const Eigen::Vector3d& contact_m) { return (contact_m - repair.at_m).norm() < 4e-3; });
+    }
+    std::printf(
+        "%s: %d loops cut where they are thinnest, %d at contacts, %d of those within 4 mm of the other label\n", mask,
+        found.count(Flaw::kCycle), touches, right);
+    if (std::string(mask) == "008") continue;
+    held_out += touches;
+    held_out_right += right;
+  }
+  EXPECT_GE(held_out, 4);
+  EXPECT_GT(2 * held_out_right, held_out);  // Of all points of these trees 3.3 and 2.1 % are as near.
 }
 
 }  // namespace

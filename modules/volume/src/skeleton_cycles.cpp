@@ -138,8 +138,7 @@ std::vector<SkeletonRepair> cutCycles(SkeletonGraph& graph, KissingRule kissing,
                                       const std::optional<Eigen::Vector3d>& root) {
   const SkeletonSegments skeleton = segmentsOf(graph);
   const std::vector<double> distances = distancesFromRoots(graph, root);
-  std::vector<bool> contact;
-  for (const Segment& segment : skeleton.segments) contact.push_back(isContact(graph, skeleton, segment));
+  const std::vector<bool> contact = contactsOf(graph, skeleton);
   Groups groups(skeleton.junctions.size());
   SegmentForest forest(skeleton);
   std::vector<SkeletonRepair> repairs;

@@ -138,6 +138,15 @@ double farthestOf(const SkeletonForest& forest, const Walk& walk, int fork, int 
   return farthest;
 }
 
+// The largest depth of what begins with a child, outside of the fork's sphere; 0 of nothing.
+double thicknessOutside(const SkeletonForest& forest, const Walk& walk, int fork, int child) {
+  double thickest = 0;
+  forEachBelow(forest, walk, child, [&](int node) {
+    if (lengthOf(forest, fork, node) > forest.depths[fork]) thickest = std::max(thickest, forest.depths[node]);
+  });
+  return thickest;
+}
+
 bool leadsToCut(const SkeletonForest& forest, const Walk& walk, int child) {
   bool leads = false;
   forEachBelow(forest, walk, child, [&](int node) { leads = leads || forest.cut[node]; });
@@ -188,7 +197,9 @@ SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, doubl
         const double wanted = forest.depths[node] + std::max(shortest, radii * forest.depths[node]);
         if (reach(child) >= 4 * wanted) continue;  // Far longer ways need no second look.
         const double farthest = farthestOf(forest, walk, node, child);
-        if (farthest >= wanted) continue;
+        const double thickest = thicknessOutside(forest, walk, node, child);
+        const bool bulge = thickest > forest.depths[node] && farthest < forest.depths[node] + 2 * thickest;
+        if (farthest >= wanted && !bulge) continue;
         keep[child] = false;
         // What ends within the vessel is no more than the skeleton's noise, what was cut has been told of.
         const double out = farthest - forest.depths[node];

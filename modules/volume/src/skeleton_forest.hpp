@@ -18,7 +18,8 @@ struct SkeletonForest : SkeletonGraph {
 SkeletonForest linked(SkeletonGraph graph, KissingRule kissing, const std::optional<Eigen::Vector3d>& root);
 
 /// Without side branches that reach less than `shortest` [voxels], or less than `radii` times the depth of where they
-/// begin, out of the vessel they begin in.
+/// begin, out of the vessel they begin in; and without those that are wider than that vessel and no longer than they
+/// are wide, as an aneurysm is.
 SkeletonForest withoutSpurs(const SkeletonForest& forest, double shortest, double radii);
 
 /// Without trees of less than `shortest` length in all [voxels].

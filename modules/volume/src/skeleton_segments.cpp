@@ -2,7 +2,8 @@
 #include "skeleton_segments.hpp"
 
 #include <algorithm>
-#include <optional>
+#include <cmath>
+#include <numeric>
 #include <unordered_set>
 
 namespace angio::volume {
@@ -54,7 +55,7 @@ int addJunction(const SkeletonGraph& graph, int first, std::vector<int>& junctio
   return number;
 }
 
-// The two of the vessels at a junction that go on most straight, a diameter away, but for what begins with `blocked`.
+// The two of the vessels at a junction that go on most straight, a diameter away, but for ways through `blocked` nodes.
 struct Passage {
   Eigen::Vector3d along;  // From one to the other; not a unit vector.
   double cosine = 1;      // Between their directions: -1 is straight.
@@ -62,10 +63,10 @@ struct Passage {
 };
 
 Passage passageAt(const SkeletonGraph& graph, const std::vector<int>& junction, const Eigen::Vector3d& middle,
-                  double radius, int blocked) {
+                  double radius, const std::unordered_set<int>& blocked) {
   std::vector<int> open = junction, crossing;
-  std::unordered_set<int> seen(junction.begin(), junction.end());
-  seen.insert(blocked);
+  std::unordered_set<int> seen = blocked;
+  seen.insert(junction.begin(), junction.end());
   for (std::size_t i = 0; i < open.size(); ++i) {
     if ((graph.nodes[open[i]] - middle).norm() > 2 * radius) {
       crossing.push_back(open[i]);
@@ -97,6 +98,27 @@ double depthOf(const SkeletonGraph& graph, const std::vector<int>& junction) {
   return depth;
 }
 
+// `blocked` are nodes of this segment and of other contacts.
+bool isContact(const SkeletonGraph& graph, const SkeletonSegments& skeleton, const Segment& segment,
+               const std::unordered_set<int>& blocked) {
+  constexpr double kThinner = 0.9;    // Of the vessels' radii: beyond, about a third of a diameter overlaps.
+  constexpr double kStraight = -0.5;  // Cosine: the vessel bends by at most 60 degrees.
+  constexpr double kSideways = 0.5;   // Cosine: at least 60 degrees away from the vessel.
+  constexpr double kReach = 2;        // Of both radii: voxels of thick slices touch with their corners.
+  if (segment.from == segment.to) return false;
+  const auto &from = skeleton.junctions[segment.from], &to = skeleton.junctions[segment.to];
+  const Eigen::Vector3d a = middleOf(graph, from), b = middleOf(graph, to);
+  const double radius_a = depthOf(graph, from), radius_b = depthOf(graph, to);
+  if ((b - a).norm() > kReach * (radius_a + radius_b) + 1) return false;
+  const Passage at_a = passageAt(graph, from, a, radius_a, blocked);
+  const Passage at_b = passageAt(graph, to, b, radius_b, blocked);
+  for (const Passage& passage : {at_a, at_b}) {
+    if (passage.cosine > kStraight) return false;
+    if (std::abs(passage.along.normalized().dot((b - a).normalized())) > kSideways) return false;
+  }
+  return graph.depths[segment.nodes[segment.thinnest]] < kThinner * std::min(at_a.depth, at_b.depth);
+}
+
 }  // namespace
 
 SkeletonSegments segmentsOf(const SkeletonGraph& graph) {
@@ -119,22 +141,22 @@ SkeletonSegments segmentsOf(const SkeletonGraph& graph) {
   return result;
 }
 
-bool isContact(const SkeletonGraph& graph, const SkeletonSegments& skeleton, const Segment& segment) {
-  constexpr double kThinner = 0.9;    // Of the vessels' radii: beyond, about a third of a diameter overlaps.
-  constexpr double kStraight = -0.5;  // Cosine: the vessel bends by at most 60 degrees.
-  constexpr double kSideways = 0.7;   // Cosine: at least 45 degrees away from the vessel.
-  if (segment.from == segment.to) return false;
-  const auto &from = skeleton.junctions[segment.from], &to = skeleton.junctions[segment.to];
-  const Eigen::Vector3d a = middleOf(graph, from), b = middleOf(graph, to);
-  const double radius_a = depthOf(graph, from), radius_b = depthOf(graph, to);
-  if ((b - a).norm() > radius_a + radius_b + 1) return false;
-  const Passage at_a = passageAt(graph, from, a, radius_a, segment.nodes[1]);
-  const Passage at_b = passageAt(graph, to, b, radius_b, segment.nodes[segment.nodes.size() - 2]);
-  for (const Passage& passage : {at_a, at_b}) {
-    if (passage.cosine > kStraight) return false;
-    if (std::abs(passage.along.normalized().dot((b - a).normalized())) > kSideways) return false;
+std::vector<bool> contactsOf(const SkeletonGraph& graph, const SkeletonSegments& skeleton) {
+  const auto count = static_cast<int>(skeleton.segments.size());
+  std::vector<int> order(count);
+  std::iota(order.begin(), order.end(), 0);
+  const auto depth = [&](int s) { return graph.depths[skeleton.segments[s].nodes[skeleton.segments[s].thinnest]]; };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return depth(a) < depth(b); });
+  std::vector<bool> contacts(count, false);
+  std::unordered_set<int> blocked;  // Nodes of the contacts so far.
+  for (const int s : order) {
+    const auto& nodes = skeleton.segments[s].nodes;
+    blocked.insert(nodes.begin() + 1, nodes.end() - 1);
+    contacts[s] = isContact(graph, skeleton, skeleton.segments[s], blocked);
+    if (contacts[s]) continue;
+    for (auto node = nodes.begin() + 1; node != nodes.end() - 1; ++node) blocked.erase(*node);
   }
-  return graph.depths[segment.nodes[segment.thinnest]] < kThinner * std::min(at_a.depth, at_b.depth);
+  return contacts;
 }
 
 }  // namespace angio::volume

@@ -24,8 +24,9 @@ struct SkeletonSegments {
 
 SkeletonSegments segmentsOf(const SkeletonGraph& graph);
 
-/// Whether two vessels only touch at a segment: it is thinner than both of them, lies within the largest spheres at its
-/// ends, and leaves two vessels sideways that run straight on.
-bool isContact(const SkeletonGraph& graph, const SkeletonSegments& skeleton, const Segment& segment);
+/// Which of the segments are contacts, where two vessels only touch: thinner than both of them, not much longer than
+/// the largest spheres at its ends, and leaving two vessels sideways that run straight on. Of two that could each be
+/// the way of the other's vessel the thinner one is.
+std::vector<bool> contactsOf(const SkeletonGraph& graph, const SkeletonSegments& skeleton);
 
 }  // namespace angio::volume
