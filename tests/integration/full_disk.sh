@@ -194,7 +194,7 @@ for program in "$bin"/angio-* "$bin"/example-*; do
   [ -L "$program" ] || [ "$name" = angio-benchmark ] || [ "$name" = angio-servo-simulated ] && continue
   timeout 10 "$program" --help-all 2> /dev/null < /dev/null | awk -v program="$name" '
     /^[a-z][a-z-]*$/ { command = " " $1 }
-    $1 ~ /^--(out|out-pose|to-.*|dicom-.*|record|film|overlay|picture|preview|report|sheet|json|write-.*)$/ && $2 ~ /^TEXT/ {
+    $1 ~ /^--(out|out-pose|result|to-.*|dicom-.*|record|film|overlay|picture|preview|report|sheet|json|write-.*)$/ && $2 ~ /^TEXT/ {
       print program command " " $1
     }' > options
   while read -r option; do grep -qxe "$option" tried || failed "not tried: $option"; done < options

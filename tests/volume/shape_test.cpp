@@ -53,6 +53,21 @@ TEST(Shape, LabelsSeedsAndSizesChoose) {
             std::string::npos);
 }
 
+TEST(Shape, SmallPiecesAreToldOf) {
+  Volume volume = threeBoxes();
+  EXPECT_TRUE(vesselShape(volume, LabelSettings{}, {}, {}).repairs.empty());
+  for (const Eigen::Vector3i& v : {Eigen::Vector3i(11, 19, 7), {11, 19, 6}, {0, 19, 0}}) {
+    volume.values[volume.grid.offset(v)] = 1;  // 2 mm3 and 1 mm3.
+  }
+  const VesselShape shape = vesselShape(volume, LabelSettings{}, {}, {});
+  EXPECT_EQ(insideOf(shape), 162);
+  ASSERT_EQ(shape.repairs.size(), 1U);
+  EXPECT_EQ(shape.repairs.front().flaw, Flaw::kSmallPiece);
+  EXPECT_EQ(shape.repairs.front().count, 2);
+  EXPECT_LT((shape.repairs.front().at_m - volume.grid.pointAt({11, 19, 6.5})).norm(), 1e-9);
+  EXPECT_NEAR(4 * kPi / 3 * std::pow(shape.repairs.front().radius_m, 3), 2e-9, 1e-12);
+}
+
 TEST(Shape, HolesAreFilledAndTheBorderIsAWall) {
   Volume volume = threeBoxes();
   volume.values[volume.grid.offset({4, 3, 3})] = 0;

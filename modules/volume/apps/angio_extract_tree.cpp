@@ -215,14 +215,14 @@ int extract(Options o) {
   const Seen seen = readSeen(o, settings);
   o.labels = labelsOf(o, seen);
   bar.show(1, "vessels");
-  const Volume shape = seen.mask ? vesselShape(*seen.mask, settings.selection, o.seeds_m)
-                                 : vesselShape(seen.labels ? *seen.labels : seen.volume, shapeOf(o, settings),
-                                               settings.selection, o.seeds_m);
+  const VesselShape shape = seen.mask ? vesselShape(*seen.mask, settings.selection, o.seeds_m)
+                                      : vesselShape(seen.labels ? *seen.labels : seen.volume, shapeOf(o, settings),
+                                                    settings.selection, o.seeds_m);
   const ExtractedTree result = extractTree(
       shape, settings.centreline, o.root_m, [&](int done, const char* stage) { bar.show(2 + done, stage); },
       openingsOf(seen.repairs));
   std::vector<Repair> repairs = seen.repairs;
-  repairs.insert(repairs.end(), result.repairs.begin(), result.repairs.end());
+  for (const auto* more : {&shape.repairs, &result.repairs}) repairs.insert(repairs.end(), more->begin(), more->end());
   const Summary summary = summaryOf(result, watch.seconds());
   if (!o.picture.empty()) writeImage(o.picture, drawProjections(seen.volume, result.tree));
   writeVesselTree(o.out, result.tree, frameNamed(o.frame));

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "angio/base/errors.hpp"
+#include "angio/geometry/se3.hpp"
 #include "angio/volume/level_field.hpp"
 
 namespace angio::volume {
@@ -80,9 +81,21 @@ void selectTouched(VoxelMask& mask, const std::vector<std::uint8_t>& wanted) {
   }
 }
 
+// Of a piece's voxels [m].
+Eigen::Vector3d centroidOf(const VoxelGrid& grid, const std::vector<std::size_t>& piece) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  const auto row = static_cast<std::size_t>(grid.size.x()), layer = row * static_cast<std::size_t>(grid.size.y());
+  for (const std::size_t at : piece) {
+    sum += Eigen::Vector3d(static_cast<double>(at % row), static_cast<double>(at % layer / row),
+                           static_cast<double>(at / layer));
+  }
+  return grid.pointAt(sum / static_cast<double>(piece.size()));
+}
+
 // Takes away the connected pieces (26 neighbours) that the settings and seeds [m] do not want. Throws InputError when
-// a seed lies in no piece.
-void selectPieces(VoxelMask& mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m) {
+// a seed lies in no piece. Returns what is too small.
+std::vector<Repair> selectPieces(VoxelMask& mask, const SelectionSettings& selection,
+                                 const std::vector<Eigen::Vector3d>& seeds_m) {
   std::vector<std::size_t> seeds;
   for (const auto& seed_m : seeds_m) seeds.push_back(voxelOfSeed(mask, seed_m));
   if (!seeds.empty()) {
@@ -96,10 +109,19 @@ void selectPieces(VoxelMask& mask, const SelectionSettings& selection, const std
     pieces.resize(static_cast<std::size_t>(selection.max_pieces));
   }
   const double voxel_mm3 = 1e9 * mask.grid.spacing_m.prod();
-  for (const auto& piece : pieces) {
-    if (static_cast<double>(piece.size()) * voxel_mm3 < selection.min_piece_mm3) continue;
-    for (const std::size_t at : piece) mask.inside[at] = 1;
+  std::vector<Repair> small;
+  for (const auto& piece : pieces) {  // The largest first.
+    const double volume_mm3 = static_cast<double>(piece.size()) * voxel_mm3;
+    if (volume_mm3 >= selection.min_piece_mm3) {
+      for (const std::size_t at : piece) mask.inside[at] = 1;
+    } else if (small.empty()) {
+      small.push_back({Flaw::kSmallPiece, centroidOf(mask.grid, piece), 0, std::cbrt(0.75 * volume_mm3 / kPi) / 1e3, 1,
+                       "dropped, below " + formatValue(selection.min_piece_mm3) + " mm3 (min_piece_mm3)"});
+    } else {
+      ++small.front().count;
+    }
   }
+  return small;
 }
 
 constexpr int kMargin = 2;  // Voxels around the vessels' box, so that they have an outside everywhere.
@@ -144,14 +166,20 @@ VoxelGrid boxIn(const VoxelGrid& grid, const Box& box, int margin) {
 }
 
 // The wanted pieces without holes, in their box.
-VoxelMask cleaned(VoxelMask mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m,
-                  Box& box) {
-  selectPieces(mask, selection, seeds_m);
-  box = boxOf(mask);
-  VoxelMask small{boxIn(mask.grid, box, kMargin), {}};
+struct Cleaned {
+  Box box;
+  VoxelMask mask;
+  std::vector<Repair> repairs;
+};
+
+Cleaned cleaned(VoxelMask mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m) {
+  Cleaned result;
+  result.repairs = selectPieces(mask, selection, seeds_m);
+  const Box box = result.box = boxOf(mask);
+  VoxelMask& small = result.mask = {boxIn(mask.grid, box, kMargin), {}};
   small.inside = valuesIn(small.grid, box.low.array() - kMargin, mask.grid, mask.inside, std::uint8_t{0});
   fillHoles(small);
-  return small;
+  return result;
 }
 
 template <typename Test>
@@ -161,8 +189,8 @@ VoxelMask maskWhere(const Volume& volume, const Test& test) {
   return mask;
 }
 
-Volume shapeBy(const LabelSettings& s, const Volume& volume, const SelectionSettings& selection,
-               const std::vector<Eigen::Vector3d>& seeds_m) {
+VesselShape shapeBy(const LabelSettings& s, const Volume& volume, const SelectionSettings& selection,
+                    const std::vector<Eigen::Vector3d>& seeds_m) {
   return vesselShape(maskWhere(volume,
                                [&](float value) {
                                  if (s.labels.empty()) return value != 0;
@@ -172,14 +200,16 @@ Volume shapeBy(const LabelSettings& s, const Volume& volume, const SelectionSett
                      selection, seeds_m);
 }
 
-Volume shapeBy(const ThresholdSettings& s, const Volume& volume, const SelectionSettings& selection,
-               const std::vector<Eigen::Vector3d>& seeds_m) {
+VesselShape shapeBy(const ThresholdSettings& s, const Volume& volume, const SelectionSettings& selection,
+                    const std::vector<Eigen::Vector3d>& seeds_m) {
   const auto threshold = static_cast<float>(s.threshold);
   const float sign = s.inside == Inside::kAbove ? 1.0F : -1.0F;
-  Box box;
-  const VoxelMask mask =
-      cleaned(maskWhere(volume, [&](float value) { return sign * (value - threshold) > 0; }), selection, seeds_m, box);
-  Volume level = cropped(volume, box.low, box.high, kMargin, std::numeric_limits<float>::quiet_NaN());
+  Cleaned vessels =
+      cleaned(maskWhere(volume, [&](float value) { return sign * (value - threshold) > 0; }), selection, seeds_m);
+  const Box& box = vessels.box;
+  const VoxelMask& mask = vessels.mask;
+  VesselShape level{cropped(volume, box.low, box.high, kMargin, std::numeric_limits<float>::quiet_NaN()),
+                    std::move(vessels.repairs)};
   double sum = 0, count = 0;
   for (std::size_t i = 0; i < level.values.size(); ++i) {
     const float over = std::abs(level.values[i] - threshold);
@@ -192,8 +222,8 @@ Volume shapeBy(const ThresholdSettings& s, const Volume& volume, const Selection
   return level;
 }
 
-Volume shapeBy(const VesselnessSettings& s, const Volume& volume, const SelectionSettings& selection,
-               const std::vector<Eigen::Vector3d>& seeds_m) {
+VesselShape shapeBy(const VesselnessSettings& s, const Volume& volume, const SelectionSettings& selection,
+                    const std::vector<Eigen::Vector3d>& seeds_m) {
   const Volume tubes{volume.grid, vesselness(volume, s)};
   const auto weak = static_cast<float>(s.weak), strong = static_cast<float>(s.strong);
   VoxelMask mask = maskWhere(tubes, [&](float value) { return value > weak; });
@@ -201,102 +231,7 @@ Volume shapeBy(const VesselnessSettings& s, const Volume& volume, const Selectio
   return vesselShape(std::move(mask), selection, seeds_m);
 }
 
-// Gaussian along one axis; the border's values go on outside.
-void blur(const VoxelGrid& grid, int axis, double std_voxels, std::vector<float>& values) {
-  const int reach = std::max(1, static_cast<int>(std::ceil(3 * std_voxels)));
-  std::vector<float> weights(reach + 1);
-  float sum = 0;
-  for (int i = 0; i <= reach; ++i) {
-    const auto weight = static_cast<float>(std::exp(-0.5 * i * i / (std_voxels * std_voxels)));
-    weights[i] = weight;
-    sum += i == 0 ? weight : 2 * weight;
-  }
-  for (float& weight : weights) weight /= sum;
-  const std::size_t n = grid.size[axis], r = reach, step = grid.offset(Eigen::Vector3i::Unit(axis));
-  std::vector<float> line(n + 2 * r);
-  for (std::size_t block = 0; block < values.size(); block += n * step) {
-    for (std::size_t first = block; first < block + step; ++first) {
-      for (std::size_t i = 0; i < n; ++i) line[r + i] = values[first + i * step];
-      std::fill_n(line.begin(), r, line[r]);
-      std::fill_n(line.begin() + r + n, r, line[r + n - 1]);
-      for (std::size_t i = 0; i < n; ++i) {
-        float value = weights[0] * line[r + i];
-        for (std::size_t k = 1; k <= r; ++k) value += weights[k] * (line[r + i - k] + line[r + i + k]);
-        values[first + i * step] = value;
-      }
-    }
-  }
-}
-
-struct Curvatures {
-  float second = 0, third = 0;  // Of minus the image, by size: both large and positive in a bright tube.
-};
-
-// Eigenvalues of a symmetric matrix by the cosine formula; those of the second and third size, negated.
-Curvatures curvaturesOf(double xx, double xy, double xz, double yy, double yz, double zz) {
-  const double q = (xx + yy + zz) / 3, p1 = xy * xy + xz * xz + yz * yz;
-  const double a = xx - q, b = yy - q, c = zz - q;
-  const double p = std::sqrt((a * a + b * b + c * c + 2 * p1) / 6);
-  if (p < 1e-30) return {static_cast<float>(-q), static_cast<float>(-q)};
-  const double half_det = (a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)) / (2 * p * p * p);
-  const double angle = std::acos(std::clamp(half_det, -1.0, 1.0)) / 3;
-  double e[3];
-  e[0] = q + 2 * p * std::cos(angle);
-  e[2] = q + 2 * p * std::cos(angle + 2.0943951023931957);
-  e[1] = 3 * q - e[0] - e[2];
-  std::sort(e, e + 3, [](double l, double r) { return std::abs(l) < std::abs(r); });
-  return {static_cast<float>(-e[1]), static_cast<float>(-e[2])};
-}
-
-// Curvatures at one scale, normalised by it; voxels at the border have none.
-std::vector<Curvatures> curvatures(const Volume& volume, double std_m) {
-  const VoxelGrid& grid = volume.grid;
-  std::vector<float> smooth = volume.values;
-  for (int axis = 0; axis < 3; ++axis) blur(grid, axis, std_m / grid.spacing_m[axis], smooth);
-  std::vector<Curvatures> result(smooth.size());
-  const long dx = 1, dy = grid.size.x(), dz = dy * grid.size.y();
-  const Eigen::Vector3d w = (std_m / grid.spacing_m.array()).matrix();
-  for (int z = 1; z + 1 < grid.size.z(); ++z) {
-    for (int y = 1; y + 1 < grid.size.y(); ++y) {
-      for (int x = 1; x + 1 < grid.size.x(); ++x) {
-        const std::size_t at = grid.offset({x, y, z});
-        const float* const f = &smooth[at];
-        const auto twice = [&](long d) { return f[d] - 2.0 * f[0] + f[-d]; };
-        const auto mixed = [&](long a, long b) { return 0.25 * (f[a + b] - f[a - b] - f[b - a] + f[-a - b]); };
-        result[at] =
-            curvaturesOf(w.x() * w.x() * twice(dx), w.x() * w.y() * mixed(dx, dy), w.x() * w.z() * mixed(dx, dz),
-                         w.y() * w.y() * twice(dy), w.y() * w.z() * mixed(dy, dz), w.z() * w.z() * twice(dz));
-      }
-    }
-  }
-  return result;
-}
-
 }  // namespace
-
-std::vector<float> vesselness(const Volume& volume, const VesselnessSettings& settings) {
-  checkSettings(VesselnessSettings::kName, settings);
-  std::vector<float> best(volume.values.size(), 0.0F);
-  const double ratio = settings.max_radius_mm / settings.min_radius_mm;
-  for (int s = 0; s < settings.scales; ++s) {
-    const double share = settings.scales > 1 ? static_cast<double>(s) / (settings.scales - 1) : 0;
-    // A bar's response peaks where the Gaussian is as wide as its radius over sqrt(2), in two dimensions of three.
-    const double std_m = settings.min_radius_mm * std::pow(ratio, share) / 1e3 / std::sqrt(2.0);
-    const auto found = curvatures(volume, std_m);
-    float strongest = 0;
-    for (const Curvatures& c : found) strongest = std::max(strongest, c.third);
-    const auto floor = static_cast<float>(settings.uniformity) * strongest;
-    for (std::size_t i = 0; i < found.size(); ++i) {
-      const float second = found[i].second;
-      if (!(second > 0 && found[i].third > 0)) continue;
-      const float rho = std::max(found[i].third, floor);
-      const float scaled = 3 / (second + rho);
-      const float response = second >= rho / 2 ? 1 : second * second * (rho - second) * scaled * scaled * scaled;
-      best[i] = std::max(best[i], response);
-    }
-  }
-  return best;
-}
 
 void fillHoles(VoxelMask& mask) {
   // The open outside becomes kSeen, from all voxels of the border.
@@ -316,13 +251,14 @@ Volume cropped(const Volume& volume, const Eigen::Vector3i& low, const Eigen::Ve
   return box;
 }
 
-Volume vesselShape(VoxelMask mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m) {
-  Box box;
-  return signedDistance(cleaned(std::move(mask), selection, seeds_m, box));
+VesselShape vesselShape(VoxelMask mask, const SelectionSettings& selection,
+                        const std::vector<Eigen::Vector3d>& seeds_m) {
+  Cleaned vessels = cleaned(std::move(mask), selection, seeds_m);
+  return {signedDistance(vessels.mask), std::move(vessels.repairs)};
 }
 
-Volume vesselShape(const Volume& volume, const ShapeSettings& settings, const SelectionSettings& selection,
-                   const std::vector<Eigen::Vector3d>& seeds_m) {
+VesselShape vesselShape(const Volume& volume, const ShapeSettings& settings, const SelectionSettings& selection,
+                        const std::vector<Eigen::Vector3d>& seeds_m) {
   return std::visit([&](const auto& s) { return shapeBy(s, volume, selection, seeds_m); }, settings);
 }
 

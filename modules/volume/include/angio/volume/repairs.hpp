@@ -11,13 +11,16 @@
 
 namespace angio::volume {
 
-/// What keeps a shape from being one clean tree. The first five are found in skeletons, the others in surfaces.
+/// What keeps a shape from being one clean tree. The first five are found in skeletons, the next in masks, the others
+/// in surfaces.
 enum class Flaw {
   kCycle,           ///< A loop of vessels. Length: once round it; radius: where it is cut.
   kSelfTouch,       ///< A vessel touches itself, or another of its tree. As of kCycle.
   kKissing,         ///< Vessels of two trees touch. Length: from one centreline to the other; radius: at the contact.
   kStub,            ///< A side branch too short for a vessel. Length: out of its parent; radius: the parent's.
   kSmallTree,       ///< Length: of the tree; radius: the largest.
+  kSmallPiece,      ///< Pieces too small for a vessel, with the place of the largest. Length: 0; radius: of a ball as
+                    ///< large.
   kOpenEnd,         ///< A hole of a surface. Length: of its border; radius: of the circle with this border.
   kJoinedPoints,    ///< Points nearer than a hundredth of a voxel to others. Length: the farthest that one is moved.
   kDoubleTriangle,  ///< Triangles that the surface has already. Length, radius: 0, as of those that follow.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "angio/base/settings.hpp"
+#include "angio/volume/repairs.hpp"
 #include "angio/volume/volume.hpp"
 
 namespace angio::volume {
@@ -63,16 +64,21 @@ struct SelectionSettings {
   }
 };
 
-/// The vessels of a volume as a field that is positive inside, zero at the wall and negative outside, on the box of the
-/// volume that they need.
+/// Vessels as a field that is positive inside, zero at the wall and negative outside.
+struct VesselShape : Volume {
+  std::vector<Repair> repairs;  ///< Flaw::kSmallPiece, if any are dropped.
+};
+
+/// The vessels of a volume, on the box of the volume that they need.
 ///
 /// `seeds_m` [m]: where given, only pieces that a seed lies in (or within two voxels of) are kept. Holes in the vessels
 /// are filled. Throws InputError when nothing is left, or a seed lies in no vessel.
-Volume vesselShape(const Volume& volume, const ShapeSettings& settings, const SelectionSettings& selection,
-                   const std::vector<Eigen::Vector3d>& seeds_m);
+VesselShape vesselShape(const Volume& volume, const ShapeSettings& settings, const SelectionSettings& selection,
+                        const std::vector<Eigen::Vector3d>& seeds_m);
 
 /// The same for a mask whose inside is the vessels.
-Volume vesselShape(VoxelMask mask, const SelectionSettings& selection, const std::vector<Eigen::Vector3d>& seeds_m);
+VesselShape vesselShape(VoxelMask mask, const SelectionSettings& selection,
+                        const std::vector<Eigen::Vector3d>& seeds_m);
 
 /// Makes outside that is enclosed (6 neighbours, the volume's border is open) inside.
 void fillHoles(VoxelMask& mask);
