@@ -190,7 +190,7 @@ phantom() {
 
 # From X-ray images: how well centrelines are found, and what becomes of the registration.
 seeing() {
-  local shared="${ANGIO_SHARED_DATA:-}" tree_of
+  local shared="${ANGIO_SHARED_DATA:-}" tree_of device
   local liver=(--tree examples/data/hepatic-tace/tree.csv --model-axes lip) coronary=(--tree examples/data/static-phantom/tree.csv)
   echo; echo "### Centrelines in simulated angiograms, vessels of 1-6 mm: liver, then coronary arteries"
   "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7
@@ -204,6 +204,10 @@ seeing() {
   echo; "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7 --extractor ridge --filled 0.5
   echo; "${tracked[@]}" "${liver[@]}" --filled 0.5
   echo; "${tracked[@]}" "${coronary[@]}"
+  echo; echo "an injection that comes and goes with a catheter in the liver, then with a guidewire"
+  for device in catheter guidewire; do
+    "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7 --extractor ridge --device "$device"
+  done
   if [ ${#brains[@]} -gt 0 ]; then
     local brain_images=("$bin"/angio-evaluate extraction "${brains[@]}" --trials "${TRIALS:-40}" --seed 7)
     echo; echo "arteries of brains, then tracked, then on a grid as fine as the image"

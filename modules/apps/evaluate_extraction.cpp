@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate extraction: how well centrelines are found in X-ray images.
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -27,6 +28,7 @@ struct ExtractionOptions {
   double tolerance_px = 0;
   double thinnest_mm = 1, thickest_mm = 6;
   double radius_px = 4, shown_contrast = 0.15;
+  DeviceKind device = DeviceKind::kNone;
   double predicted_mm = 0, predicted_deg = 0.3, filled = 1;
   int columns = 5, side_px = 480;
   ModelAxes model_axes = SimulationSettings().model_axes;
@@ -62,8 +64,9 @@ ExtractionSamples simulatedSamplesOf(const ExtractionOptions& o, const Fluorosco
   settings.filled = o.filled;
   settings.translation_std_mm = o.predicted_mm;
   settings.rotation_std_deg = o.predicted_deg;
-  return simulatedSamples(trees, o.camera.empty() ? std::optional<XrayCamera>() : readCamera(o.camera), settings,
-                          {o.thinnest_mm, o.thickest_mm, o.predicted_mm > 0});
+  const auto camera = o.camera.empty() ? std::optional<XrayCamera>() : readCamera(o.camera);
+  if (o.device != DeviceKind::kNone) return deviceSamples(trees, camera, settings, o.device);
+  return simulatedSamples(trees, camera, settings, {o.thinnest_mm, o.thickest_mm, o.predicted_mm > 0});
 }
 
 std::vector<Source> sourcesOf(const ExtractionOptions& o, const ExtractionFile& file) {
@@ -158,15 +161,26 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
   command->addOption("--thinnest-mm", o->thinnest_mm, "Simulated vessels from this width on must be found")
       ->check(cli::between(0.0, 100.0));
   command->addOption("--thickest-mm", o->thickest_mm, "and to this one")->check(cli::between(0.0, 100.0));
-  command
-      ->addOption("--predicted-mm", o->predicted_mm,
-                  "In simulated images the tree is expected where a tracker has it, so far off (standard deviation per "
-                  "axis); 0: it is not known")
-      ->check(cli::between(0.0, 100.0));
+  auto* predicted =
+      command
+          ->addOption("--predicted-mm", o->predicted_mm,
+                      "In simulated images the tree is expected where a tracker has it, so far off (standard deviation "
+                      "per axis); 0: it is not known")
+          ->check(cli::between(0.0, 100.0));
   command->addOption("--predicted-deg", o->predicted_deg, "and turned by so much (standard deviation per axis)")
       ->check(cli::between(0.0, 90.0));
-  command->addOption("--filled", o->filled, "Part of simulated vessels, in view, that has contrast agent")
-      ->check(cli::between(0.01, 1.0));
+  auto* filled =
+      command->addOption("--filled", o->filled, "Part of simulated vessels, in view, that has contrast agent")
+          ->check(cli::between(0.01, 1.0));
+  command
+      ->addOption("--device", o->device,
+                  "In simulated images there are a device in the tree and an injection that comes and goes; all that "
+                  "can be seen must be found")
+      ->check(cli::choice(std::map<std::string, DeviceKind>{
+          {"none", DeviceKind::kNone}, {"catheter", DeviceKind::kCatheter}, {"guidewire", DeviceKind::kGuidewire}}))
+      ->defaultText("none")
+      ->excludes(predicted)
+      ->excludes(filled);
   command->addOption("--radius-px", o->radius_px, "Of the vessels of a case set: what an image shows of its tree")
       ->check(cli::between(1.0, 100.0));
   command->addOption("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")

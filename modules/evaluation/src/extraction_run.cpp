@@ -59,6 +59,7 @@ double lengthOf_px(const Centerline2d& line) {
 // What one extractor leaves of one image.
 struct ExtractedSample {
   ExtractionScore score;
+  DeviceScore devices;
   bool scored = false;
   double time_s = 0, vessels_px = 0, devices_px = 0;
 };
@@ -66,6 +67,7 @@ struct ExtractedSample {
 template <typename Fields>
 void visitRow(Fields& f, RecordOf<Fields, ExtractedSample>& one) {
   f("score", one.score);
+  f("devices", one.devices);
   f("scored", one.scored);
   f("time_s", one.time_s);
   f("vessels_px", one.vessels_px);
@@ -73,9 +75,14 @@ void visitRow(Fields& f, RecordOf<Fields, ExtractedSample>& one) {
 }
 
 ExtractedSample scored(const Centerline2d& found, const ExtractionSample& sample, double tolerance_px) {
-  ExtractedSample one{ExtractionScore(tolerance_px), sample.has_truth, 0,
-                      lengthOf_px(ofKind(found, CurveKind::kVessel)), lengthOf_px(ofKind(found, CurveKind::kDevice))};
+  ExtractedSample one{ExtractionScore(tolerance_px),
+                      {},
+                      sample.has_truth,
+                      0,
+                      lengthOf_px(ofKind(found, CurveKind::kVessel)),
+                      lengthOf_px(ofKind(found, CurveKind::kDevice))};
   if (!sample.has_truth) return one;
+  if (sample.shown.size() > 0) one.devices.add(found, sample.shown, tolerance_px);
   if (sample.mask.empty()) {
     one.score.add(found, sample.required, sample.allowed, sample.own_line);
   } else {
@@ -172,7 +179,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
   std::vector<ExtractionRun> runs;
   std::vector<std::unique_ptr<CenterlineExtractor>> extractors;
   for (const auto& entrant : entrants) {
-    runs.push_back({entrant.name, ExtractionScore(tolerance_px), 0, {}, {}, {}, {}});
+    runs.push_back({entrant.name, ExtractionScore(tolerance_px), {}, 0, {}, {}, {}, {}});
     extractors.push_back(makeExtractor(entrant.settings));
   }
   int done = 0;
@@ -199,6 +206,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
     if (of_image.size() != entrants.size()) throw InputError("images", "", "", "must have a score of each extractor");
     for (std::size_t m = 0; m < entrants.size(); ++m) {
       runs[m].score.add(of_image[m].score);
+      runs[m].device_score.add(of_image[m].devices);
       runs[m].scored += of_image[m].scored;
       runs[m].times_s.push_back(of_image[m].time_s);
       runs[m].vessels_px.push_back(of_image[m].vessels_px);
@@ -214,6 +222,7 @@ Json extractionSummaries(const std::vector<ExtractionRun>& runs) {
     Json times_ms = Json::array();
     for (const double time_s : run.times_s) times_ms.push_back(1e3 * time_s);
     if (run.scored > 0) json[run.name] = run.score.asJson();
+    if (run.device_score.any()) json[run.name]["devices"] = run.device_score.asJson();
     json[run.name]["images"] = run.times_s.size();
     json[run.name]["images_with_truth"] = run.scored;
     json[run.name]["vessels_px"] = figuresOf(Json(run.vessels_px), "mean");
@@ -234,6 +243,19 @@ std::string extractionTable(const Json& summaries) {
                                    {"devices found, mean", "{devices_px:%.0f px}"},
                                    {"ms p50", "{time_ms/p50:%.1f}"},
                                    {"p99", "{time_ms/p99:%.1f}"}});
+  }
+  const bool devices =
+      std::any_of(summaries.begin(), summaries.end(), [](const Json& summary) { return summary.contains("devices"); });
+  if (devices) {
+    return figureTable(summaries, {{"extractor", ""},
+                                   {"frames that show a device", "{devices/frames:%d}"},
+                                   {"named in", "{100*devices/named:%.0f %%}"},
+                                   {"of its length told", "{100*devices/told:%.1f %%}"},
+                                   {"taken for a vessel", "{100*devices/taken_for_vessel:%.1f %%}"},
+                                   {"of vessels called a device", "{100*devices/vessels_called_device:%.2f %%}"},
+                                   {"all covered", "{100*covered:%.1f %%}"},
+                                   {"found is right", "{100*correct:%.1f %%}"},
+                                   {"ms p50", "{time_ms/p50:%.1f}"}});
   }
   return figureTable(summaries, {{"extractor", ""},
                                  {"images", "{images:%d}"},

@@ -3,66 +3,15 @@
 
 #include <cmath>
 #include <limits>
-#include <nanoflann.hpp>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/imaging/thinning.hpp"
+#include "nearest_on_curve.hpp"
 
 namespace angio::evaluation {
 namespace {
-
-constexpr double kStep_px = 1;
-
-// The nearest place on a centreline, exact on its segments.
-class NearestOnCurve {
- public:
-  struct Place {
-    double distance_px = std::numeric_limits<double>::infinity();
-    double tangent_rad = 0, radius_px = 0;
-  };
-
-  explicit NearestOnCurve(const Centerline2d& curve)
-      : curve_(densified(curve, kStep_px)), rows_(curve_.points_px.transpose()), tree_(2, std::cref(rows_), 10) {}
-
-  Place operator()(const Eigen::Vector2d& q) const {
-    Place best;
-    if (curve_.size() == 0) return best;
-    // The nearest segment ends at one of the nearest points: its points stand a pixel apart.
-    constexpr int kNearest = 4;
-    Eigen::Index index[kNearest];
-    double distance2[kNearest];
-    const std::size_t found = tree_.index->knnSearch(q.data(), kNearest, index, distance2);
-    for (std::size_t k = 0; k < found; ++k) {
-      offer(q, index[k], index[k], best);
-      if (joined(index[k] - 1, index[k])) offer(q, index[k] - 1, index[k], best);
-      if (joined(index[k], index[k] + 1)) offer(q, index[k], index[k] + 1, best);
-    }
-    return best;
-  }
-
- private:
-  bool joined(Eigen::Index a, Eigen::Index b) const {
-    return curve_.ordered() && a >= 0 && b < curve_.size() && curve_.branch[a] == curve_.branch[b];
-  }
-
-  void offer(const Eigen::Vector2d& q, Eigen::Index a, Eigen::Index b, Place& best) const {
-    const Eigen::Vector2d from = curve_.points_px.col(a), along = curve_.points_px.col(b) - from;
-    const double length2 = along.squaredNorm();
-    const double t = length2 > 0 ? std::clamp((q - from).dot(along) / length2, 0.0, 1.0) : 0;
-    const double distance_px = (from + t * along - q).norm();
-    if (distance_px < best.distance_px) {
-      best = {distance_px, length2 > 0 ? std::atan2(along.y(), along.x()) : curve_.tangent_rad[a],
-              curve_.radius_px.size() > 0 ? curve_.radius_px[a] : 0};
-    }
-  }
-
-  using Tree = nanoflann::KDTreeEigenMatrixAdaptor<Eigen::MatrixX2d, 2>;
-  Centerline2d curve_;
-  Eigen::MatrixX2d rows_;
-  Tree tree_;
-};
 
 // What of a truth has a line of its own, and what shares another's.
 class OwnLines {
@@ -98,7 +47,7 @@ Centerline2d pointsOf(const cv::Mat& mask) {
 
 void ExtractionScore::add(const Centerline2d& found, const Centerline2d& required, const Centerline2d& allowed,
                           const std::vector<bool>& own_line) {
-  const Centerline2d line = densified(found, kStep_px), wanted = densified(required, kStep_px);
+  const Centerline2d line = densified(found, kScoreStep_px), wanted = densified(required, kScoreStep_px);
   const NearestOnCurve nearest_found(line), nearest_true(allowed);
   const OwnLines own(allowed, own_line);
   for (int i = 0; i < wanted.size(); ++i) {
@@ -155,7 +104,7 @@ void ExtractionScore::add(const ExtractionScore& other) {
 }
 
 void ExtractionScore::addMask(const Centerline2d& found, const cv::Mat& mask) {
-  const Centerline2d line = densified(found, kStep_px);
+  const Centerline2d line = densified(found, kScoreStep_px);
   cv::Mat outside, distance;
   cv::compare(mask, 0, outside, cv::CMP_EQ);
   cv::distanceTransform(outside, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);

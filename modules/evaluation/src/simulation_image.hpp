@@ -21,7 +21,8 @@ enum class DrawFor {
   kDeformation,
   kCalibration,
   kStart,
-  kFilled
+  kFilled,
+  kDevice,
 };
 
 /// Random numbers that are the same with every compiler and library: the standard fixes its engines and seed_seq, but

@@ -147,8 +147,8 @@ int branchesOff(const std::vector<CentreLine>& lines, std::size_t own, std::size
 // length that a dense one needs, with hardly anything that ends at it, and wide enough for its width to be seen
 // [working px].
 constexpr float kSteadyLength = 1.2f, kMinSteadyRadius = 2.2f;
-// Nor is one wider than this part of `shortest`: the catheters of marked coronary angiograms have radii of 3.4 to 3.8 of
-// 512 pixels, arteries of the neck, which come in at the border and end at a wider one too, 4.6 and more.
+// Nor is one wider than this part of `shortest`: the catheters of marked coronary angiograms have radii of 3.4 to 3.8
+// of 512 pixels, arteries of the neck, which come in at the border and end at a wider one too, 4.6 and more.
 constexpr float kMaxSteadyRadius = 0.0716f;
 constexpr int kMaxCrossings = 1;
 // The collimator's edge changes the width of the first points.

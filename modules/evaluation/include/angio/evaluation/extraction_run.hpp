@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "angio/evaluation/device_score.hpp"
 #include "angio/evaluation/simulation.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/io/case_files.hpp"
@@ -12,6 +13,7 @@
 #include "angio/results/campaign.hpp"
 #include "angio/results/overlay.hpp"
 #include "angio/results/statistics.hpp"
+#include "angio/simulation/patient_settings.hpp"
 
 namespace angio::evaluation {
 
@@ -110,6 +112,8 @@ struct ExtractionSample {
   std::vector<bool> own_line;  ///< Of what may be: whether it has a line of its own (haveOwnLine); empty: not known.
   /// Where a tracker expects the vessels; empty: it is not known.
   Centerline2d expected = {};
+  /// What the image shows of vessels and devices, by kind; empty: whether devices are told from vessels is not scored.
+  Centerline2d shown = {};
   bool has_truth = true;  ///< False: nobody knows what is to be found, and nothing is scored.
 };
 
@@ -131,6 +135,12 @@ struct SimulatedVessels {
 ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
                                    const SimulationSettings& settings, const SimulatedVessels& vessels);
 
+/// Rendered frames of an injection of two seconds into trees with a device in them: its tip in a branch, and the time
+/// from before the injection until 3 s after it, are drawn. All that can be seen must be found; a device hides where it
+/// lies in a vessel that absorbs more.
+ExtractionSamples deviceSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
+                                const SimulationSettings& settings, DeviceKind device);
+
 /// What the images of a case set show of its trees at their true poses. What must be found is what the image itself
 /// shows of it (shownIn, with `radius_px` and `contrast`). Throws InputError for a case without image or true pose.
 ExtractionSamples caseSamples(const CaseSet& set, double radius_px, double contrast);
@@ -151,6 +161,7 @@ struct ExtractionEntrant {
 struct ExtractionRun {
   std::string name;
   ExtractionScore score;
+  DeviceScore device_score;
   int scored = 0;                                       ///< Samples that have a truth.
   std::vector<double> times_s, vessels_px, devices_px;  ///< Of each sample; lengths of what was found.
   std::vector<SheetPicture> pictures;
