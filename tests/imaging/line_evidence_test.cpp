@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "angio/test/namespace.hpp"
+#include "unlikely_lines.hpp"
 
 namespace angio::test {
 namespace {
@@ -68,6 +71,48 @@ TEST(LineEvidence, NoiseAboutALineSpeaksAgainstIt) {
   const auto keeps = [](float sigma) { return keptOf({kTrunk, lineFrom({130, 215}, 60, 2, sigma, 0.2f)}).size() == 2; };
   EXPECT_TRUE(keeps(0.15f));
   EXPECT_FALSE(keeps(1.5f));
+}
+
+// The same picture on a finer grid, or with less contrast and less noise, shows the same; lines touch or are far apart.
+TEST(LineEvidence, FollowsTheImagesGridAndContrast) {
+  const std::vector<CentreLine> lines = {kTrunk, lineFrom({200, 239.2f}, 80, 2, 0.3f, 0.2f),
+                                         lineFrom({130, 420}, 60, 3, 0.5f, 0.1f)};
+  std::vector<CentreLine> others = lines;
+  for (CentreLine& line : others) {
+    for (cv::Point2f& p : line.line) p *= 1.5f;
+    for (auto* values : {&line.radius, &line.sigma}) {
+      for (float& v : *values) v *= 1.5f;
+    }
+    for (float& c : line.contrast) c *= 0.4f;
+  }
+  const auto known = evidenceOf(lines, kSide), same = evidenceOf(others, 1.5f * kSide);
+  for (std::size_t l = 0; l < lines.size(); ++l) {
+    for (std::size_t t = 0; t < kEvidenceTerms.size(); ++t) {
+      EXPECT_NEAR(same[l].terms[t], known[l].terms[t], 1e-3) << l << " " << kEvidenceTerms[t];
+    }
+  }
+}
+
+// The edge of an organ, and a lead: a step beside a line, and a line as straight as no branch of the tree.
+TEST(LineEvidence, StepsAndStraightLinesOweMore) {
+  const auto keeps = [](CentreLine line) { return keptOf({kTrunk, std::move(line)}).size() == 2; };
+  CentreLine vessel = lineFrom({130, 170}, 60, 2, 0.3f, 0.2f);
+  for (cv::Point2f& p : vessel.line) p.y = 170 + 15 * std::sin(0.05f * (p.x - 130));
+  EXPECT_TRUE(keeps(vessel));
+  CentreLine step = vessel, lead = vessel;
+  step.step = 1.3f;
+  EXPECT_FALSE(keeps(step));
+  for (cv::Point2f& p : lead.line) p.y = 170;
+  EXPECT_FALSE(keeps(lead));
+}
+
+// A rib that bends as a vessel does: long, wide and faint, and alone.
+TEST(LineEvidence, WideFaintLineThatStandsAloneIsABone) {
+  std::vector<CentreLine> lines = {kTrunk, lineFrom({130, 225}, 200, 5, 0.3f, 0.14f)}, strict = lines;
+  dropUnlikely(lines, kSide, 0);
+  EXPECT_EQ(lines.size(), 2U);
+  dropUnlikely(strict, kSide, 0.6f);
+  EXPECT_EQ(strict.size(), 1U);
 }
 
 TEST(LineEvidence, DevicesStayAndAreNoMeasure) {

@@ -122,9 +122,6 @@ TEST(RidgeExtractor, WideFaintShadowBesideVesselsIsNoVessel) {
   const Centerline2d found = extract(image);
   EXPECT_GT(test::coverage(scene, found, 1.5), 0.95);
   EXPECT_GT(test::precision(scene, found, 3), 0.98);
-  RidgeSettings anything;
-  anything.relative_density = 0;
-  EXPECT_LT(test::precision(scene, extract(image, anything), 3), 0.9);  // It is a line by all else.
 }
 
 // Round tips are 60 % as dark as the tube 0.8 radii beyond their centre; half of a radius and a pixel of noise is what

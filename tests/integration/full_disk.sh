@@ -181,6 +181,7 @@ if [ -x "$bin/angio-extract-tree" ]; then  # With ITK.
   refuses angio-extract-tree made/tube.stl --result @/tree.json --out "$(beside tree.csv)"
   stops angio-extract-tree made/tube.stl --picture @/tree.png --out "$(beside tree.csv)"
 fi
+refuses angio-line-evidence "$phantom/frames/im1.png" --out @/evidence.csv
 refuses angio-training-pairs --trees 1000000 --out @/pairs.bin
 refuses example-03-write-case-set --tree "$tree" --cases 100000 --image --out @/cases
 

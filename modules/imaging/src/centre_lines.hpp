@@ -24,6 +24,7 @@ struct CentreLine {
   Polyline line;
   std::vector<float> radius;
   std::vector<float> sigma, contrast;  ///< Of each point, or empty where the method does not measure them.
+  float step = 0;  ///< From the image on its one side to that on the other, mean along it, over its contrast.
   CurveKind kind = CurveKind::kVessel;
   bool expected = false;  ///< A vessel is expected there (ExpectedLines).
 };

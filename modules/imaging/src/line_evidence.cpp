@@ -12,47 +12,35 @@
 namespace angio::imaging {
 namespace {
 
-// Log odds of a vessel: the constant, and what each logarithm counts.
-constexpr float kPrior = -0.66f, kPerClarity = 2.58f, kPerContrast = 2.35f, kPerLength = 1.16f, kPerGap = -0.63f,
-                kPerBend = 0.25f;
+// Beyond these the marked images say no more.
+constexpr float kMinClarity = 0.3f, kMaxClarity = 16, kMinContrast = 0.02f, kMaxContrast = 0.6f, kMinDensity = 0.05f;
 
-// Beyond these the marked images say no more. Lengths and gaps are in the shorter side.
-constexpr float kMinClarity = 0.3f, kMaxClarity = 16, kMinShownContrast = 0.02f, kMaxShownContrast = 0.6f,
-                kMaxConnected = 2.9f;
-constexpr float kMinGap = 0.006f, kMaxGap = 0.117f, kUsualGap = 0.039f;
+// Nor do they here [shorter sides].
+constexpr float kMinLength = 0.001f, kMaxLength = 2.9f, kMinGap = 0.006f, kMaxGap = 0.117f;
 
-// The least bend that counts; that of shorter lines counts less [working px].
-constexpr float kMinBend = 0.01f, kBendLength = 40;
+// A gap that is usual in trees [shorter sides]; what is added to the gap to the tree is small beside one.
+constexpr float kUsualGap = 0.039f, kSmallGap = 0.012f;
+
+// Straighter lines are alike, and so are those that bend more. Shorter ones [shorter sides] are straight by their
+// length and tell less.
+constexpr float kMinBow = 0.03f, kMaxBow = 0.1f, kBowLength = 0.08f;
+
+// Lines that are more even are alike, and so are those with flanks that are more alike, or less.
+constexpr float kEven = 0.03f, kMinStep = 0.25f, kMaxStep = 1.5f;
 
 // Of all points of vessels, the part that is fainter than the strong ones.
 constexpr float kFainter = 0.9f;
 
-// Lines hang together where an end of one is so near to the other [working px].
-constexpr float kJoined = 3;
+// Lines hang together where an end of one is so near to the other, and an end so near to another line is a branch's
+// [working px].
+constexpr float kJoined = 3, kHolds = 2;
 
-// Vessels wider than this part of the shorter side were not among those that the odds were learnt from, and a wide
-// line's place is less sure: it owes less. Most lines of an aortic arch have -1 and more, a step's edge below -3.
-constexpr float kWide = 0.0117f, kWideOdds = -1;
+// Vessels wider than this part of the shorter side were not among those that the weights were learnt from.
+constexpr float kWide = 0.0117f;
 
 // The strong vessels are those of at most that width, where there is so much of them [shorter sides]: a wide one
 // absorbs over a longer way, and beside an aorta all arteries would be faint.
 constexpr float kEnough = 0.25f;
-
-// Log odds of a vessel where one is expected, over those of one elsewhere. Chosen on simulated livers, seed 11.
-constexpr float kExpectedOdds = 5;
-
-// A line of these log odds is no bone, however dilute.
-constexpr float kNoBone = 3;
-
-// Edges and overlaps of bones and organs absorb less than this, or than this part of what strong vessels do; a line
-// that absorbs more is a vessel, however dilute.
-constexpr float kBone = 0.15f, kBonePart = 0.5f;
-
-// A line that stands alone must have this many times the density that the others must.
-constexpr float kAloneFactor = 1.37f;
-
-// An end so near to another line [working px] is a branch's.
-constexpr float kHolds = 2;
 
 float lengthOf(const CentreLine& line) {
   float length = 0;
@@ -69,58 +57,83 @@ float clarityOf(const CentreLine& line) {
   return medianOf(std::move(clarities));
 }
 
-// By how much a line is longer than the chord between its ends, as the logarithm of a part of its length.
-float logBendOf(const CentreLine& line, float length) {
-  const float chord = static_cast<float>(cv::norm(line.line.back() - line.line.front()));
-  return std::log(std::max(1 - chord / std::max(length, 1.0f), kMinBend)) * std::min(1.0f, length / kBendLength);
+float densityOf(const CentreLine& line) { return medianOf(densitiesAlong(line, line.line.size())); }
+
+// The farthest that a line is from the chord between its ends.
+float bowOf(const CentreLine& line) {
+  const cv::Point2f chord = line.line.back() - line.line.front();
+  float most = 0;
+  for (const cv::Point2f& p : line.line) {
+    most = std::max(most, static_cast<float>(std::abs(chord.cross(p - line.line.front()))));
+  }
+  return most / std::max(static_cast<float>(cv::norm(chord)), 1e-6f);
+}
+
+float unevennessOf(const CentreLine& line) {
+  const float radius = medianOf(line.radius);
+  std::vector<float> off(line.radius);
+  for (float& r : off) r = std::abs(r - radius);
+  return medianOf(std::move(off)) / radius;
 }
 
 // What the vessels of an image are like, and how its lines hang together.
-class LineEvidence {
+class Surroundings {
  public:
-  LineEvidence(const std::vector<CentreLine>& lines, float side) : lines_(lines), side_(side) {
-    std::vector<float> contrasts, wide_contrasts, densities;
+  Surroundings(const std::vector<CentreLine>& lines, float side) : lines_(lines), side_(side) {
     for (const CentreLine& line : lines) {
       boxes_.push_back(cv::boundingRect(line.line));
       lengths_.push_back(lengthOf(line));
+    }
+    measureVessels();
+    connect();
+    measureGroups();
+  }
+
+  LineEvidence evidenceOn(std::size_t i) const {
+    const CentreLine& line = lines_[i];
+    const Group& group = groups_[root_[i]];
+    LineEvidence on;
+    on.contrast = medianOf(line.contrast);
+    on.contrast_part = on.contrast / strong_contrast_;
+    on.density_part = densityOf(line) / usual_density_;
+    on.is_wide = isWide(line);
+    on.stands_alone = !isBranch(i);
+    on.terms = {std::log(std::clamp(clarityOf(line), kMinClarity, kMaxClarity)),
+                std::log(std::clamp(on.contrast_part, kMinContrast, kMaxContrast)),
+                std::log(std::max(on.density_part, kMinDensity)),
+                std::log(std::clamp(group.length / side_, kMinLength, kMaxLength)),
+                std::log(std::max(group.gap / side_, kMinGap) / kUsualGap),
+                std::log(treeGapOf(i) / side_ / kSmallGap + 1),
+                logBowOf(i),
+                std::log(unevennessOf(line) + kEven),
+                std::log(std::clamp(line.step, kMinStep, kMaxStep))};
+    return on;
+  }
+
+ private:
+  struct Group {
+    float length = 0, gap = 0;
+    float shown = 0;  // Length by contrast.
+  };
+
+  bool isWide(const CentreLine& line) const { return medianOf(line.radius) > kWide * side_; }
+
+  void measureVessels() {
+    std::vector<float> contrasts, wide_contrasts, densities;
+    for (const CentreLine& line : lines_) {
       if (line.kind == CurveKind::kDevice) continue;
       std::vector<float>& among = isWide(line) ? wide_contrasts : contrasts;
       among.insert(among.end(), line.contrast.begin(), line.contrast.end());
       const std::vector<float> own = densitiesAlong(line, line.line.size());
       densities.insert(densities.end(), own.begin(), own.end());
     }
-    if (static_cast<float>(contrasts.size()) < kEnough * side) {
+    if (static_cast<float>(contrasts.size()) < kEnough * side_) {
       contrasts.insert(contrasts.end(), wide_contrasts.begin(), wide_contrasts.end());
     }
     if (contrasts.empty()) return;
     strong_contrast_ = std::max(quantileOf(contrasts, kFainter), 1e-9f);
-    usual_density_ = medianOf(std::move(densities));
-    connect();
+    usual_density_ = std::max(medianOf(std::move(densities)), 1e-9f);
   }
-
-  bool isWide(const CentreLine& line) const { return medianOf(line.radius) > kWide * side_; }
-
-  float logOdds(std::size_t i) const {
-    const CentreLine& line = lines_[i];
-    const Group& group = groups_[root_[i]];
-    const float contrast = std::clamp(medianOf(line.contrast) / strong_contrast_, kMinShownContrast, kMaxShownContrast);
-    return kPrior + kPerClarity * std::log(std::clamp(clarityOf(line), kMinClarity, kMaxClarity)) +
-           kPerContrast * std::log(contrast) +
-           kPerLength * std::log(std::clamp(group.length / side_, 1e-3f, kMaxConnected)) +
-           kPerGap * std::log(std::max(group.gap / side_, kMinGap) / kUsualGap) +
-           kPerBend * logBendOf(line, lengths_[i]);
-  }
-
-  bool isDilute(std::size_t i, float least) const {
-    if (medianOf(lines_[i].contrast) >= std::min(kBone, kBonePart * strong_contrast_)) return false;
-    const float density = medianOf(densitiesAlong(lines_[i], lines_[i].line.size()));
-    return density < least * usual_density_ || (density < kAloneFactor * least * usual_density_ && !isBranch(i));
-  }
-
- private:
-  struct Group {
-    float length = 0, gap = 0;
-  };
 
   void connect() {
     root_.resize(lines_.size());
@@ -135,15 +148,34 @@ class LineEvidence {
           root_[rootOf(own)] = rootOf(other);
       }
     }
-    groups_.assign(lines_.size(), {0, kMaxGap * side_});
     for (std::size_t i = 0; i < lines_.size(); ++i) root_[i] = rootOf(i);
-    for (std::size_t i = 0; i < lines_.size(); ++i) groups_[root_[i]].length += lengths_[i];
+  }
+
+  void measureGroups() {
+    groups_.assign(lines_.size(), {0, kMaxGap * side_, 0});
+    for (std::size_t i = 0; i < lines_.size(); ++i) {
+      Group& group = groups_[root_[i]];
+      group.length += lengths_[i];
+      if (lines_[i].kind == CurveKind::kDevice) continue;
+      group.shown += lengths_[i] * std::min(medianOf(lines_[i].contrast) / strong_contrast_, 1.0f);
+      if (group.shown > groups_[tree_].shown) tree_ = root_[i];
+    }
     for (std::size_t own = 0; own < lines_.size(); ++own) {
       Group& group = groups_[root_[own]];
       for (std::size_t other = 0; other < lines_.size(); ++other) {
         if (groups_[root_[other]].length > group.length) group.gap = endDistance(own, other, group.gap);
       }
     }
+  }
+
+  // From an end of a line to the tree.
+  float treeGapOf(std::size_t own) const {
+    if (root_[own] == tree_) return 0;
+    float gap = kMaxGap * side_;
+    for (std::size_t other = 0; other < lines_.size(); ++other) {
+      if (root_[other] == tree_) gap = endDistance(own, other, gap);
+    }
+    return gap;
   }
 
   // From an end of a line to another line; `most` where it is no less.
@@ -168,34 +200,30 @@ class LineEvidence {
     return false;
   }
 
+  // 0 for a line that bends as vessels do.
+  float logBowOf(std::size_t i) const {
+    const float part = std::clamp(bowOf(lines_[i]) / std::max(lengths_[i], 1.0f), kMinBow, kMaxBow);
+    return std::log(part / kMaxBow) * std::min(1.0f, lengths_[i] / (kBowLength * side_));
+  }
+
   const std::vector<CentreLine>& lines_;
   float side_;
   std::vector<cv::Rect> boxes_;
   std::vector<float> lengths_;
-  float strong_contrast_ = 1, usual_density_ = 0;
+  float strong_contrast_ = 1, usual_density_ = 1;
   std::vector<std::size_t> root_;  // Of each line, the one that stands for its group.
   std::vector<Group> groups_;      // At the roots.
+  std::size_t tree_ = 0;           // The root of the group that shows most.
 };
 
 }  // namespace
 
-void dropUnlikely(std::vector<CentreLine>& lines, float side, float least_density) {
-  std::vector<bool> keep;
-  {
-    const LineEvidence evidence(lines, side);
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      const bool device = lines[i].kind == CurveKind::kDevice;
-      const float log_odds = device ? 0 : evidence.logOdds(i) + (lines[i].expected ? kExpectedOdds : 0);
-      const bool likely = log_odds > (!device && evidence.isWide(lines[i]) ? kWideOdds : 0);
-      keep.push_back(device ||
-                     (likely && (lines[i].expected || log_odds > kNoBone || !evidence.isDilute(i, least_density))));
-    }
-  }
-  std::vector<CentreLine> kept;
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    if (keep[i]) kept.push_back(std::move(lines[i]));
-  }
-  lines = std::move(kept);
+std::vector<LineEvidence> evidenceOf(const std::vector<CentreLine>& lines, float side) {
+  std::vector<LineEvidence> evidence;
+  if (lines.empty()) return evidence;
+  const Surroundings surroundings(lines, side);
+  for (std::size_t i = 0; i < lines.size(); ++i) evidence.push_back(surroundings.evidenceOn(i));
+  return evidence;
 }
 
 }  // namespace angio::imaging

@@ -1,32 +1,43 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <array>
+#include <string_view>
 #include <vector>
 
 #include "centre_lines.hpp"
 
 namespace angio::imaging {
 
-/// Drops lines that are more likely the image's clutter than vessels.
-///
-/// A line's log odds are linear in the logarithms of what it shows, all of it against the image itself, so that they
-/// follow its noise, its contrast and its size:
-///
-/// - how clearly it is seen: its radius over the standard deviation of its position, which noise and clutter beside it
-///   make;
-/// - its contrast, over that of the image's strong vessels, wide ones such as an aorta left out;
-/// - the length of all lines that hang together with it, over `side`, the working image's shorter side [working px];
-/// - how far that group is from a longer one, which a fragment of a tree is near;
-/// - its bend: borders of organs and leads are straight.
-///
-/// The weights are those of a logistic regression on real angiograms whose vessels had been marked, as they are, with
-/// noise added, enlarged, and with their contrast lowered.
-///
-/// Of what is left, ribs, vertebrae and the edges of organs go: lines that are too wide for their contrast, unless no
-/// bone is so dark or their odds are high. Their density, contrast over radius, is below `least_density` times that of
-/// all points of vessels; one with neither end at another line must be denser. Devices stay, and have no part in what
-/// is usual: beside steel all vessels would be faint and dilute.
-/// Where a vessel is expected the odds are better, and a line is no bone.
-void dropUnlikely(std::vector<CentreLine>& lines, float side, float least_density);
+/// What tells a vessel's line from clutter's, in the order of `LineEvidence::terms`.
+constexpr std::array<std::string_view, 9> kEvidenceTerms = {"clarity",  "contrast", "density",    "length", "gap",
+                                                            "tree_gap", "bow",      "unevenness", "step"};
+
+/// What one line shows, all of it against the image itself, so that it follows the image's noise, contrast and size.
+struct LineEvidence {
+  /// Logarithms, within the range that occurs in marked images:
+  ///
+  /// - clarity: the line's radius over the standard deviation of its position, which noise and clutter beside it make;
+  /// - contrast: over that of the image's strong vessels, wide ones such as an aorta left out;
+  /// - density: contrast over radius, over the median of all points of vessels;
+  /// - length of all lines that hang together with it, over the image's side;
+  /// - gap from that group to a longer one, which a fragment of a tree is near;
+  /// - tree_gap: from the line to the group that shows most, the tree, which borders of organs and leads are far from;
+  /// - bow: the farthest that it leaves its chord, over its length; borders of organs and leads are straight;
+  /// - unevenness: the median change of its radius along it, over its radius;
+  /// - step: how unlike its flanks are, over its contrast; an organ's or the collimator's edge is a step, a vessel has
+  ///   the same on both sides.
+  std::array<float, kEvidenceTerms.size()> terms{};
+
+  float contrast = 0;         ///< Median, of the image's logarithm.
+  float contrast_part = 0;    ///< Over that of the strong vessels.
+  float density_part = 0;     ///< Over the usual one.
+  bool is_wide = false;       ///< Wider than the vessels that the weights were learnt from.
+  bool stands_alone = false;  ///< Neither end is at another line.
+};
+
+/// Evidence on each line, devices included, which are no measure of what vessels are like. `side` is the working
+/// image's shorter side [working px].
+std::vector<LineEvidence> evidenceOf(const std::vector<CentreLine>& lines, float side);
 
 }  // namespace angio::imaging

@@ -9,13 +9,14 @@
 #include "field_outline.hpp"
 #include "flatten.hpp"
 #include "hysteresis.hpp"
-#include "line_evidence.hpp"
+#include "line_flanks.hpp"
 #include "line_kinds.hpp"
 #include "make_extractors.hpp"
 #include "quantile.hpp"
 #include "ridge_lines.hpp"
 #include "ridge_scales.hpp"
 #include "skeleton_graph.hpp"
+#include "unlikely_lines.hpp"
 #include "xray_image.hpp"
 
 namespace angio::imaging {
@@ -49,9 +50,13 @@ constexpr float kFitted = 0.4f;
 // Length of a catheter that is told from a vessel, in the image's shorter side.
 constexpr float kMinDevice = 0.12f;
 
+// The image beside lines is compared under this filter [working px].
+constexpr float kFlankBlur = 1;
+
 class RidgeExtractor final : public CenterlineExtractor {
  public:
-  explicit RidgeExtractor(const RidgeSettings& settings) : settings_(settings) {}
+  RidgeExtractor(const RidgeSettings& settings, LineObserver observe)
+      : settings_(settings), observe_(std::move(observe)) {}
 
   Centerline2d extract(const cv::Mat& image) override { return extract(image, nullptr); }
   Centerline2d extract(const cv::Mat& image, const Centerline2d& expected) override {
@@ -88,6 +93,8 @@ class RidgeExtractor final : public CenterlineExtractor {
     const float side = static_cast<float>(std::min(grid.size.width, grid.size.height));
     tellDevices(lines, open_, kMinDevice * side);
     if (known) known->markIn(lines);
+    compareFlanks(lines, scales_->imageUpTo(kFlankBlur));
+    if (observe_) observe_(lines, grid);
     dropUnlikely(lines, side, static_cast<float>(settings_.relative_density));
     return sampled(lines, grid, settings_.spacing_px);
   }
@@ -175,6 +182,7 @@ class RidgeExtractor final : public CenterlineExtractor {
   }
 
   RidgeSettings settings_;
+  LineObserver observe_;
   float scale_ = 0;
   std::optional<RidgeScales> scales_;
   std::optional<RidgeFitting> fitting_;
@@ -188,8 +196,8 @@ class RidgeExtractor final : public CenterlineExtractor {
 
 }  // namespace
 
-std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings) {
-  return std::make_unique<RidgeExtractor>(settings);
+std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings, LineObserver observe) {
+  return std::make_unique<RidgeExtractor>(settings, std::move(observe));
 }
 
 }  // namespace angio::imaging
