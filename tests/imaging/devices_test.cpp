@@ -84,6 +84,32 @@ TEST(Devices, CatheterAsDenseAsItsVesselIsToldByItsWidthAndItsTip) {
   EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size(), 0);
 }
 
+// A catheter as wide as its vessel, a little denser, which ends where its vessel bends. What crosses it is no branch;
+// an artery of that way and length widens on its way in, and a branch ends at the side of what goes on.
+TEST(Devices, LongEvenLineFromTheBorderIsACatheterAndAWideningOneIsAnArtery) {
+  const Eigen::Vector2d border(110, 0), tip(200, 190), way = tip - border;
+  const Vessel tree = {test::straightTube({250, 220}, {330, 300}, 4), test::straightTube({330, 300}, {450, 270}, 4),
+                       test::straightTube({330, 300}, {400, 440}, 4)};
+  const auto line = test::straightTube(border, tip, 4);
+  Scene scene;
+  scene.vessels = {tree, {line}, {test::straightTube(border, tip, 1.6)}};
+  for (const bool crossed : {false, true}) {
+    if (crossed) scene.vessels.push_back({test::straightTube({80, 120}, {230, 70}, 2)});
+    const Told what = told(extractRidges(scene), {{line}});
+    EXPECT_GT(what.of_devices, 0.8) << crossed;
+    EXPECT_LT(what.of_others, 0.1) << crossed;
+  }
+  Vessel artery = tree;
+  for (int piece = 0; piece < 6; ++piece) {
+    artery.push_back(
+        test::straightTube(border + piece / 6.0 * way, border + (piece + 1) / 6.0 * way, 3.4 + 0.2 * piece));
+  }
+  scene.vessels = {artery};
+  EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size(), 0);
+  scene.vessels = {{test::straightTube({60, 120}, {340, 260}, 4)}, {line}};
+  EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size(), 0);
+}
+
 // An artery of the neck: from the border to where a wider one begins, as even as a catheter and wider than any.
 TEST(Devices, AnArteryWiderThanCathetersAreIsAVessel) {
   for (const double radius : {3.5, 5.5}) {

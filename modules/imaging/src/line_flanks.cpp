@@ -13,7 +13,7 @@ namespace {
 constexpr float kBesideRadii = 1.6f, kBeside = 2;
 
 // Directions are taken over so many points to both sides; every other point is compared.
-constexpr std::size_t kReach = 3, kCompareEvery = 2;
+constexpr std::size_t kFlankReach = 3, kCompareEvery = 2;
 
 }  // namespace
 
@@ -21,7 +21,7 @@ void compareFlanks(std::vector<CentreLine>& lines, const ScaleImage& image) {
   for (CentreLine& line : lines) {
     float difference = 0, contrast = 0;
     for (std::size_t i = 0; i < line.line.size(); i += kCompareEvery) {
-      const cv::Point2f along = directionAt(line.line, i, kReach);
+      const cv::Point2f along = directionAt(line.line, i, kFlankReach);
       const float beside = std::max(kBesideRadii * line.radius[i], line.radius[i] + kBeside);
       const cv::Point2f middle = image.per_pixel * line.line[i],
                         aside = image.per_pixel * beside * cv::Point2f(-along.y, along.x);

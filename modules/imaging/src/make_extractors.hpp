@@ -11,7 +11,7 @@ namespace angio::imaging {
 
 std::unique_ptr<CenterlineExtractor> make(const OtsuSettings& settings);
 
-/// Is shown an image's lines before the unlikely ones are dropped: working pixels, devices told.
+/// Is shown an image's lines before the unlikely ones are dropped: working pixels, wires told.
 using LineObserver = std::function<void(const std::vector<CentreLine>& lines, const WorkingGrid& grid)>;
 
 std::unique_ptr<CenterlineExtractor> make(const RidgeSettings& settings, LineObserver observe = nullptr);

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "angio/imaging/thinning.hpp"
+#include "catheters.hpp"
 #include "expected_lines.hpp"
 #include "field_outline.hpp"
 #include "flatten.hpp"
@@ -91,11 +92,15 @@ class RidgeExtractor final : public CenterlineExtractor {
     std::vector<CentreLine> lines = (*fitting_)(graph, *scales_);
     dropAlongBorder(lines, open_);
     const float side = static_cast<float>(std::min(grid.size.width, grid.size.height));
-    tellDevices(lines, open_, kMinDevice * side);
     if (known) known->markIn(lines);
+    tellWires(lines);
     compareFlanks(lines, scales_->imageUpTo(kFlankBlur));
     if (observe_) observe_(lines, grid);
-    dropUnlikely(lines, side, static_cast<float>(settings_.relative_density));
+    // Clutter is no catheter's branch, and no measure of what vessels absorb; nor is it part of a tree.
+    const float least_density = static_cast<float>(settings_.relative_density);
+    dropUnlikely(lines, side, least_density);
+    tellCatheters(lines, open_, kMinDevice * side);
+    dropUnlikely(lines, side, least_density);
     return sampled(lines, grid, settings_.spacing_px);
   }
 

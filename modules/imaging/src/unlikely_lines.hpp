@@ -18,8 +18,8 @@ namespace angio::imaging {
 /// all points of vessels; one with neither end at another line must be denser. Where a
 /// vessel is expected the odds are better, and a line is no bone.
 ///
-/// Then all is judged once more: clutter hangs together as vessels do, and lends length to what it touches. Devices
-/// stay. `side` is the working image's shorter side [working px].
+/// Devices stay. What is left may be judged once more: clutter hangs together as vessels do, and lends length to what
+/// it touches. `side` is the working image's shorter side [working px].
 void dropUnlikely(std::vector<CentreLine>& lines, float side, float least_density);
 
 }  // namespace angio::imaging
