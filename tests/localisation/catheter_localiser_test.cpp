@@ -143,11 +143,18 @@ TEST(CatheterLocaliser, PredictsByThePushAndGrowsUnsure) {
   const TreeTopology map(tree);
   CatheterLocaliser localiser({}, tree);
   const TipBelief before = localiser.update(test::drawnCatheter(map, {0, 0.03}, faceOn()), faceOn(), {});
-  TipBelief after;
-  for (int frame = 0; frame < 10; ++frame) after = localiser.predict({1.0 / 15, 1e-3});
+  CatheterLocaliser of_loose({}, tree);
+  (void)of_loose.update(test::drawnCatheter(map, {0, 0.03}, faceOn()), faceOn(), {});
+  TipBelief after, loose;
+  for (int frame = 0; frame < 10; ++frame) {
+    after = localiser.predict({1.0 / 15, 1e-3});
+    loose = of_loose.predict({1.0 / 15, 1e-3, 2e-3});
+  }
   EXPECT_EQ(after.status, BeliefStatus::kPredicted);
   EXPECT_NEAR(after.tip.path_m, before.tip.path_m + 0.01, 2e-3);
   EXPECT_GT(after.tip.std_m, before.tip.std_m);
+  // Ten frames of 2 mm each, added in squares.
+  EXPECT_NEAR(loose.tip.std_m, std::hypot(after.tip.std_m, std::sqrt(10.0) * 2e-3), 1e-3);
 }
 
 TEST(CatheterLocaliser, WhatSaysNothingOnlyPredicts) {

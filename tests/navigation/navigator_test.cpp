@@ -91,6 +91,55 @@ TEST_F(NavigatorTest, TurnsATipOnceWhosePlaceBesideTheAxisIsOpen) {
   EXPECT_EQ(navigator.step(input).state, NavigationState::kFollowing);
 }
 
+// What the image shows of the tip decides in front of a fork: one that stands and points into the wanted branch is
+// pushed on as it is, one that does so to the other branch is turned first.
+TEST_F(NavigatorTest, CrossesAForkAtOnceWhereTheImageShowsTheTipOnTheWantedSide) {
+  const std::vector<int> route = map.pathTo(target);
+  const int first = route[0], wanted = route[1];
+  const TreeFrame frame = map.frame({first, map.length_m(first)});
+  const auto sideways = [&](int branch) {
+    const Eigen::Vector3d off = map.point({branch, 6e-3}) - map.point({branch, 0});
+    return Eigen::Vector2d(off.dot(frame.normal), off.dot(frame.binormal)).normalized();
+  };
+  for (const bool right : {true, false}) {
+    Navigator steering(tree, {target, 3e-3}, {});
+    NavigationInput input = inputAt(map, {first, map.length_m(first) - 10e-3});
+    input.deflection = TipDeflection{right ? 0.4 : -0.4, 0.05, sideways(wanted), right ? 1.5e-3 : -1.5e-3, 0.4e-3};
+    NavigationAnswer answer;
+    for (int i = 0; i < 10; ++i) answer = steering.step(input);
+    input.belief = inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
+    for (int i = 0; i < 4; ++i) answer = steering.step(input);
+    if (right) {
+      EXPECT_EQ(answer.state, NavigationState::kCrossing);
+      EXPECT_EQ(answer.command.roll_speed_rad_per_s, 0);
+      EXPECT_GT(answer.command.insertion_speed_m_per_s, 0);
+    } else {
+      EXPECT_NE(answer.state, NavigationState::kCrossing);
+      EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
+    }
+  }
+}
+
+// What was pulled back is pushed in again before the tip follows: no wall holds it.
+TEST_F(NavigatorTest, ALengthThatWasPulledBackMayBePushedInBeforeTheTipFollows) {
+  for (const double pulled_m : {0.0, 10e-3}) {
+    Navigator steering(tree, {target, 3e-3}, {});
+    NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
+    input.drive.insertion_m = 0.1;
+    (void)steering.step(input);
+    input.drive.insertion_m -= pulled_m;
+    (void)steering.step(input);
+    const double from_m = input.drive.insertion_m;
+    while (steering.step(input).state != NavigationState::kBackingOff) {
+      ASSERT_LT(input.drive.insertion_m, from_m + 50e-3);
+      input.drive.insertion_m += 0.5e-3;
+    }
+    // Back to where it was, the same length once more, and then the stall that is one without pulling; in half
+    // millimetres.
+    EXPECT_NEAR(input.drive.insertion_m - from_m, 2 * pulled_m + 12e-3, 0.6e-3) << pulled_m;
+  }
+}
+
 TEST_F(NavigatorTest, StopsWhereItWasToGo) {
   NavigationAnswer answer;
   for (int i = 0; i < 3; ++i) answer = navigator.step(inputAt(map, {target, 4e-3}));

@@ -22,12 +22,12 @@ void CatheterLocaliser::forget() {
 TipBelief CatheterLocaliser::update(const TipEvidence& evidence, const CatheterMotion& motion) {
   filter_->predict(motion);
   const FrameOutcome outcome = filter_->observe(evidence);
-  return adopt(outcome, tipEndStd_m(evidence, filter_->summarised(filter_->probability()).tip));
+  return adopt(outcome, motion, tipEndStd_m(evidence, filter_->summarised(filter_->probability()).tip));
 }
 
 TipBelief CatheterLocaliser::update(const SeenCatheter& seen, const SeenPose& pose, const CatheterMotion& motion) {
   filter_->predict(motion);
-  return adopt(filter_->observe(seen, pose));
+  return adopt(filter_->observe(seen, pose), motion);
 }
 
 TipBelief CatheterLocaliser::predict(const CatheterMotion& motion) {
@@ -48,7 +48,7 @@ void CatheterLocaliser::reset(int branch, double arc_m, double std_m) {
   forget();
 }
 
-const TipBelief& CatheterLocaliser::adopt(const FrameOutcome& outcome, double end_std_m) {
+const TipBelief& CatheterLocaliser::adopt(const FrameOutcome& outcome, const CatheterMotion& motion, double end_std_m) {
   belief_ = filter_->summarised(filter_->probability());
   belief_.why = outcome.why;
   belief_.residual_px = outcome.residual_px;
@@ -60,6 +60,7 @@ const TipBelief& CatheterLocaliser::adopt(const FrameOutcome& outcome, double en
                                          : BeliefStatus::kUnknown;
   const LocaliserSettings& settings = filter_->settings();
   if (end_std_m > 0) belief_.near_probability *= std::erf(1e-3 * settings.near_mm / (std::sqrt(2.0) * end_std_m));
+  belief_.near_probability *= 1 - motion.fault_probability;
   if (outcome.used && belief_.near_probability < settings.min_probability) {
     belief_.status = BeliefStatus::kUnsure;
     belief_.why = formatted("the tip is within %.1f mm of its place with a probability of %.2f only", settings.near_mm,

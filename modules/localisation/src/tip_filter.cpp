@@ -300,7 +300,8 @@ TipMotion::TipMotion(const LocaliserSettings& settings, const PlaceGrid& grid, c
   const double fastest_m = 1e-3 * settings.max_speed_mm_per_s * period_s;
   const bool pushed = motion.pushed_m && std::isfinite(*motion.pushed_m);
   if (pushed) mean_m_ = std::clamp(*motion.pushed_m, -fastest_m, fastest_m);
-  const double doubt_m = pushed ? settings.slip_std * std::abs(mean_m_) : 1e-3 * settings.speed_std_mm_per_s * period_s;
+  const double slip_m = pushed ? settings.slip_std * std::abs(mean_m_) : 1e-3 * settings.speed_std_mm_per_s * period_s;
+  const double doubt_m = std::isfinite(motion.loose_m) ? std::hypot(slip_m, motion.loose_m) : slip_m;
   // Less than half a step would not let the mean move by parts of a step.
   std_m_ = std::max(std::hypot(doubt_m, 1e-3 * settings.backlash_mm), 0.5 * grid.spacing_m);
   const double max_m = std::max(fastest_m, 2 * grid.spacing_m);

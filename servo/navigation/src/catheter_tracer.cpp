@@ -25,6 +25,7 @@ constexpr double kTipStd_m = 0.3e-3;  // Of a tip across a vessel that has no wi
 constexpr double kSeen_px = 1;
 constexpr double kLackWeight = 0.5;     // Errors of a line are alike from frame to frame.
 constexpr double kFrameWorth = 0.3;     // Of a frame whose errors were its own: a bend or a deflection stays for many.
+constexpr double kShown_m = 0.6e-3;     // Offsets that a frame leaves less sure than this are alike in many frames.
 constexpr double kFloor = -12;          // Nats: no frame is surer than that.
 constexpr double kLevelShare = 0.35;    // Of a trace, that is less dark than its catheter is taken to be.
 constexpr double kLengthStd = 1.0 / 6;  // Of a deflection's length, in parts of it.
@@ -169,7 +170,8 @@ class CatheterTracer::Impl {
     TipOffset known;        // At the last place's ...
     double of_length = -1;  // ... length: in a wide vessel it is that of all.
     const Eigen::Vector2d tip = trace.seen.points_px.rightCols<1>();
-    double best = -1e300;
+    double best = -1e300, worth = kFrameWorth;
+    std::vector<double> lacking;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
       if (area.from_tip_m[k] > 1e-3 * settings_.ahead_mm) continue;
       const int place = area.places[k];
@@ -190,14 +192,23 @@ class CatheterTracer::Impl {
       const TipOffset expected = withinWall(known, place);
       const Eigen::Matrix2d B = J * beside.sideways, S = seen + B * expected.covariance * B.transpose();
       const Eigen::Vector2d left = off - B * expected.mean_m;
-      const double value = -0.5 * left.dot(S.inverse() * left) - 0.5 * std::log(S.determinant()) - kLackWeight * *lacks;
+      const double value = -0.5 * left.dot(S.inverse() * left) - 0.5 * std::log(S.determinant());
       const TipEndEstimate end = endOf(withinWall(offset, place), length_m, beside, J, seen, off);
       trace.evidence.places.push_back({places_.branch[place], places_.arc_m[place], value,
                                        pose.T_camera_model.inverse() * (p + end.from_axis_m), end.std_m});
-      if (value > best) best = value, trace.evidence.residual_px = off.norm();
+      lacking.push_back(kLackWeight * *lacks);
+      if (value - lacking.back() <= best) continue;
+      best = value - lacking.back();
+      trace.evidence.residual_px = off.norm();
+      if (!(offset.free_m > 0)) worth = kFrameWorth * std::min(1.0, std::pow(kShown_m / end.std_m, 2));
     }
-    for (PlaceEvidence& one : trace.evidence.places)
-      one.log_evidence = std::max(kFrameWorth * (one.log_evidence - best), kFloor);
+    best = -1e300;
+    for (std::size_t k = 0; k < lacking.size(); ++k) {
+      double& value = trace.evidence.places[k].log_evidence;
+      value = worth * value - kFrameWorth * lacking[k];
+      best = std::max(best, value);
+    }
+    for (PlaceEvidence& one : trace.evidence.places) one.log_evidence = std::max(one.log_evidence - best, kFloor);
     trace.evidence.elsewhere = kFloor;
   }
 

@@ -18,8 +18,9 @@ constexpr double kSureOfTarget = 0.9;  // Probability of the target's branch.
 constexpr double kBendGain_per_s = 3;
 constexpr double kDeflected = 0.5;       // Of what its bend would deflect a free tip by, a tip in a vessel usually is.
 constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
-constexpr double kJump_m = 6e-3;         // Between two frames: more than any command does.
-constexpr int kTriesInAll = 6;           // At all forks, times those at one.
+constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner walls, and is pushed to the outer first.
+constexpr double kJump_m = 6e-3;       // Between two frames: more than any command does.
+constexpr int kTriesInAll = 6;         // At all forks, times those at one.
 
 // Of a tip that no wall holds, as a slope.
 double freeSlope(const NavigatorSettings& settings, double bend_rad) {
@@ -92,9 +93,7 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
     return holdUnsure(input, "the tip seems to have jumped");
   }
   jumped_ = 0;
-  roll_.move(input.drive.roll_rad, last_path_m_ ? path_m - *last_path_m_ : 0.0);
-  last_path_m_ = path_m;
-  if (input.deflection) roll_.see(*input.deflection);
+  observe(input, path_m);
 
   const auto view = viewRoute(map_, target_.branch, *input.belief, kNear_m);
   if (!view) return holdUnsure(input, "no vessel leads from where the tip seems to be to the target");
@@ -128,6 +127,26 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   }
 }
 
+// What the frame says of how the tip stands and points.
+void Navigator::observe(const NavigationInput& input, double path_m) {
+  const double slid_m = last_path_m_ ? path_m - *last_path_m_ : 0.0;
+  roll_.move(input.drive.roll_rad, slid_m);
+  shaft_.move(slid_m, seen_roll_rad_ ? input.drive.roll_rad - *seen_roll_rad_ : 0.0);
+  last_path_m_ = path_m;
+  seen_roll_rad_ = input.drive.roll_rad;
+  if (!input.deflection) return;
+  roll_.see(*input.deflection);
+  shaft_.see(bentOffset(), input.deflection->observable_axis, input.deflection->offset_m,
+             input.deflection->offset_std_m);
+}
+
+// Where the tip's bend puts its end, were its shaft on the axis.
+TipOffset Navigator::bentOffset() const {
+  const double length_m = 1e-3 * settings_.tip_length_mm;
+  return {length_m * roll_.deflection(), length_m * length_m * roll_.deflectionCovariance(),
+          length_m * free_deflection_};
+}
+
 // Stands still, and after a while goes back to where it was surer, for as far as it may.
 NavigationAnswer Navigator::holdUnsure(const NavigationInput& input, const std::string& why) {
   doubtful_s_ += input.period_s;
@@ -151,6 +170,9 @@ NavigationAnswer Navigator::holdUnsure(const NavigationInput& input, const std::
 
 // What holds the catheter, or nothing.
 std::optional<std::string> Navigator::resistance(const NavigationInput& input, double path_m) {
+  const double in_m = last_insertion_m_ ? input.drive.insertion_m - *last_insertion_m_ : 0.0;
+  last_insertion_m_ = input.drive.insertion_m;
+  if (in_m < 0) slack_m_ = std::min(slack_m_ - in_m, kMaxSlack_m);
   const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
   if (!pushing) since_.reset();
   if (pushing && input.drive.insertion_force_n > settings_.max_force_n) {
@@ -158,8 +180,11 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
     return "the drive pushes too hard";
   }
   if (!pushing) return std::nullopt;
-  if (!since_ || std::abs(path_m - since_->second) > kFirmSlide_m) since_ = {input.drive.insertion_m, path_m};
-  if (input.drive.insertion_m - since_->first < 1e-3 * settings_.stall_mm) return std::nullopt;
+  if (!since_ || std::abs(path_m - since_->second) > kFirmSlide_m) {
+    if (since_ && path_m > since_->second) slack_m_ = 0;
+    since_ = {input.drive.insertion_m, path_m};
+  }
+  if (input.drive.insertion_m - since_->first < 1e-3 * settings_.stall_mm + slack_m_) return std::nullopt;
   since_.reset();
   return "the tip does not follow the drive";
 }
@@ -200,6 +225,8 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
     return {{}, state_, why_};
   }
   looked_at_m_.reset();
+  searches_ = 0;
+  asked_for_side_ = false;
   why_ = why;
   state_ = NavigationState::kBackingOff;
   const double start_m = map_.start_m(branch), fork_m = start_m + map_.length_m(branch);

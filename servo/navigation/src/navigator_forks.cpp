@@ -113,6 +113,32 @@ ForkPlan planForks(const TreeTopology& map, const std::vector<int>& wanted, int 
   return best;
 }
 
+// From the next branch towards the wanted one, across the vessel that ends at the fork: normal, binormal; length 1, or
+// zero where there is no other branch.
+Eigen::Vector2d sideTowards(const Fork& fork) {
+  double nearest = kPi;
+  Eigen::Vector2d side = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector3d& other : fork.others) {
+    const double apart = angleBetween(other, fork.goal);
+    const Eigen::Vector3d off = fork.goal - other;
+    const Eigen::Vector2d across(off.dot(fork.frame.normal), off.dot(fork.frame.binormal));
+    if (apart < nearest && across.norm() > 0) nearest = apart, side = across.normalized();
+  }
+  return side;
+}
+
+// Slopes to the wanted side of a fork, of a loose catheter: enough to cross at once, less half the standard deviation;
+// after an aim; and not enough to go on.
+constexpr double kSureSide = 0.1, kLikelySide = 0.05, kWrongSide = -0.05;
+constexpr double kBlind = 0.33;            // Standard deviation from which a view shows too little of it.
+constexpr double kMaxLooseBend_deg = 80;   // Of a loose catheter's tip: bent further it hooks into the wall.
+constexpr double kOfBest = 0.75;           // Of the best slope of a search that has gone around: enough to cross.
+constexpr double kAround_rad = 2.2 * kPi;  // Of a search.
+constexpr double kSearchSpeed = 0.7;       // Of the roll's: the image is a little late.
+constexpr int kMaxSearches = 1;            // In a try.
+
+bool isSure(const ForkSide& side) { return side.slope - 0.5 * side.std > kSureSide; }
+
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
@@ -126,13 +152,47 @@ constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5,
 
 }  // namespace
 
-// Starts to look or to aim.
+// A loose catheter crosses where the image shows its tip on the wanted side. All others look or aim.
 NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
+  planNext(*view.next);
+  if (isLoose()) {
+    const ForkSide side = sideOfForks();
+    if (isSure(side)) return startCrossing(input, input.drive.bend_rad);
+    if (side.std > kBlind && !asked_for_side_) {
+      asked_for_side_ = true;
+      return {{}, NavigationState::kWaiting, "this view does not show which way the tip points", true};
+    }
+  }
   if (shouldLook()) return startLook(input);
   state_ = NavigationState::kAiming;
   aimed_s_ = 0;
-  planNext(*view.next);
+  searching_ = false;
   return aim(input);
+}
+
+NavigationAnswer Navigator::startCrossing(const NavigationInput& input, double bend_rad) {
+  state_ = NavigationState::kCrossing;
+  aim_bend_rad_ = bend_rad;
+  asked_ahead_ = false;
+  since_.reset();
+  return go(input, 0, 0, aim_bend_rad_);
+}
+
+// How the image shows the tip against the forks that it is aimed for: where it points, and where it stands, since
+// that is what decides at the carina. The least of them counts.
+ForkSide Navigator::sideOfForks() const {
+  const double lever_m = 1e-3 * settings_.lever_mm;
+  const TipOffset offset = tipOffset();
+  const Eigen::Vector2d towards = roll_.heading() + offset.mean_m / lever_m;
+  const Eigen::Matrix2d covariance = roll_.headingCovariance() + offset.covariance / (lever_m * lever_m);
+  ForkSide least{10, 0};
+  for (const int branch : aimed_for_) {
+    const Eigen::Vector2d side = sideTowards(forkAt(map_, branch, target_.branch, lever_m));
+    if (side.isZero()) continue;
+    const double slope = side.dot(towards);
+    if (slope < least.slope) least = {slope, std::sqrt(std::max(side.dot(covariance * side), 0.0))};
+  }
+  return least;
 }
 
 // The branches of the route from `next` on that begin at a fork which there is no room to aim in front of.
@@ -145,7 +205,10 @@ std::vector<int> Navigator::closeForks(int next) const {
 }
 
 void Navigator::planNext(int next) {
-  const TipRange range{degToRad(settings_.tip_angle_deg), degToRad(settings_.tip_angle_deg + settings_.max_bend_deg)};
+  const double bent_deg = settings_.tip_angle_deg + settings_.max_bend_deg;
+  const double max_bend_deg =
+      isLoose() ? std::max(settings_.tip_angle_deg, std::min(kMaxLooseBend_deg, bent_deg)) : bent_deg;
+  const TipRange range{degToRad(settings_.tip_angle_deg), degToRad(max_bend_deg)};
   const double sigma = std::clamp(roll_.std_rad(), degToRad(15), degToRad(60)), lever_m = 1e-3 * settings_.lever_mm;
   // As many of the forks ahead with one aim as one aim can serve.
   std::vector<int> branches = closeForks(next);
@@ -156,6 +219,7 @@ void Navigator::planNext(int next) {
   }
   const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
   planned_ = branches.back();
+  aimed_for_ = branches;
   aim_angle_rad_ = plan.angle_rad + kBeside_rad[tried % std::size(kBeside_rad)];
   aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
 }
@@ -186,6 +250,7 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
 }
 
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
+  if (searching_) return search(input);
   aimed_s_ += input.period_s;
   const double close = degToRad(settings_.angle_deg);
   // Forwards, unless it is just a little too far.
@@ -195,13 +260,34 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
   if (left < -close) left += 2 * kPi;
   const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
   if ((turned && bent) || aimed_s_ > kMaxAim_s) {
-    state_ = NavigationState::kCrossing;
-    asked_ahead_ = false;
-    since_.reset();
-    return go(input, 0, 0, aim_bend_rad_);
+    if (!isLoose() || searches_ >= kMaxSearches || sideOfForks().slope > kLikelySide)
+      return startCrossing(input, aim_bend_rad_);
+    return startSearch(input);
   }
   const double fastest = degToRad(settings_.roll_speed_deg_per_s);
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
+}
+
+// A tip between walls does not follow its drive as a free one does: it is turned until the image shows it on the wanted
+// side. Once around as it is bent, once around unbent, and then to the best that was seen.
+NavigationAnswer Navigator::startSearch(const NavigationInput& input) {
+  state_ = NavigationState::kAiming;
+  searching_ = true;
+  ++searches_;
+  searched_rad_ = best_side_ = 0;
+  last_roll_rad_ = input.drive.roll_rad;
+  return search(input);
+}
+
+NavigationAnswer Navigator::search(const NavigationInput& input) {
+  searched_rad_ += std::abs(input.drive.roll_rad - last_roll_rad_);
+  last_roll_rad_ = input.drive.roll_rad;
+  const ForkSide side = sideOfForks();
+  if (searched_rad_ > kAround_rad) aim_bend_rad_ = 0;
+  best_side_ = std::max(best_side_, side.slope);
+  const bool best = searched_rad_ > 2 * kAround_rad && side.slope >= kOfBest * best_side_;
+  if (isSure(side) || best || searched_rad_ > 3 * kAround_rad) return startCrossing(input, input.drive.bend_rad);
+  return go(input, 0, kSearchSpeed * degToRad(settings_.roll_speed_deg_per_s), aim_bend_rad_);
 }
 
 // Whether a belief beside the route is worth going back for.
@@ -222,12 +308,16 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
       (through >= kEntered || beyond_m >= parted_m + 1e-3 * settings_.sure_mm)) {
     roll_.entered(sidewaysOf(map_, *planned_, target_.branch, lever_m));
     looked_at_m_.reset();
+    searches_ = 0;
+    asked_for_side_ = false;
     return follow(input, view);
   }
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
+  if (isLoose() && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide)
+    return startSearch(input);
   // Back in front of all that was planned, as a catheter that sprang back is.
   const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
   if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.branch, *planned_))

@@ -7,11 +7,12 @@
 namespace angio::navigation {
 namespace {
 
-constexpr double kBias = 0.2;            // Usual size of the bias, as a slope.
-constexpr double kBiasLength_m = 10e-3;  // Over this length it becomes another.
-constexpr double kTurnLength_m = 0.1;    // Over this length the tip turns by about a radian without a command.
-constexpr double kTurnByRoll = 0.15;     // Share of a roll that does not come through, or comes through later.
-constexpr double kEnteredSigma = 0.7;    // In parts of the usual deflection: a fork takes tips from a wide cone.
+constexpr double kShaft = 0.3;            // Usual slope of the shaft behind the tip, per axis.
+constexpr double kShaftLength_m = 10e-3;  // Over this length it becomes another ...
+constexpr double kShaftByRoll = 0.1;      // ... and by so much over a radian of roll: a shaft gives way to its tip.
+constexpr double kTurnLength_m = 0.1;     // Over this length the tip turns by about a radian without a command.
+constexpr double kTurnByRoll = 0.15;      // Share of a roll that does not come through, or comes through later.
+constexpr double kEnteredSigma = 0.7;     // In parts of the usual deflection: a fork takes tips from a wide cone.
 
 constexpr double kMinForeshortening = 0.4;  // Of the vessel's image; below, its direction in the image is mostly noise.
 constexpr double kMinLength_px = 8;
@@ -33,7 +34,8 @@ std::optional<Eigen::Vector2d> beforeEnd(const Eigen::Matrix2Xd& line, double ba
 
 TipRoll::TipRoll(double deflection, double dead_band_rad)
     : deflection_(deflection), half_band_rad_(0.5 * dead_band_rad) {
-  P_ = Eigen::Vector3d(deflection * deflection, deflection * deflection, kBias * kBias).asDiagonal();
+  const double bent = deflection * deflection, shaft = kShaft * kShaft;
+  P_ = Eigen::Vector4d(bent, bent, shaft, shaft).asDiagonal();
 }
 
 Eigen::Matrix2d TipRoll::turn() const {
@@ -53,11 +55,11 @@ void TipRoll::move(double roll_rad, double slid_m) {
       std::min(turned_variance, 1.0) * std::max(state_.head<2>().squaredNorm(), 0.01 * deflection_ * deflection_);
   P_(0, 0) += variance;
   P_(1, 1) += variance;
-  const double keep = std::exp(-slid / kBiasLength_m);
-  state_[2] *= keep;
-  P_.row(2) *= keep;
-  P_.col(2) *= keep;
-  P_(2, 2) += (1 - keep * keep) * kBias * kBias;
+  const double keep = std::exp(-slid / kShaftLength_m);
+  state_.tail<2>() *= keep;
+  P_.bottomRows<2>() *= keep;
+  P_.rightCols<2>() *= keep;
+  P_.diagonal().tail<2>().array() += (1 - keep * keep) * kShaft * kShaft + kShaftByRoll * kShaftByRoll * rolled;
   // Nothing is less known than what is not known at all.
   for (int i = 0; i < 2; ++i) {
     const double shrink = std::sqrt(std::min(1.0, deflection_ * deflection_ / P_(i, i)));
@@ -83,13 +85,13 @@ void TipRoll::bend(double deflection) {
 }
 
 void TipRoll::see(const TipDeflection& deflection) {
-  Eigen::Vector3d h;
-  h << turn().transpose() * deflection.observable_axis, 1.0;
+  Eigen::Vector4d h;
+  h << turn().transpose() * deflection.observable_axis, deflection.observable_axis;
   const double innovation = deflection.slope - h.dot(state_);
   double variance = h.dot(P_ * h) + deflection.sigma * deflection.sigma;
   // A far value is worth less: as if its own variance were what brings it to three standard deviations.
   variance = std::max(variance, innovation * innovation / 9);
-  const Eigen::Vector3d gain = P_ * h / variance;
+  const Eigen::Vector4d gain = P_ * h / variance;
   state_ += gain * innovation;
   P_ -= gain * (P_ * h).transpose();
   P_ = (0.5 * (P_ + P_.transpose())).eval();
@@ -98,14 +100,20 @@ void TipRoll::see(const TipDeflection& deflection) {
 void TipRoll::entered(const Eigen::Vector2d& direction) {
   if (!(direction.norm() > 0)) return;
   const Eigen::Vector2d seen = deflection_ * direction.normalized();
-  Eigen::Matrix<double, 2, 3> H = Eigen::Matrix<double, 2, 3>::Zero();
+  Eigen::Matrix<double, 2, 4> H = Eigen::Matrix<double, 2, 4>::Zero();
   H.leftCols<2>() = turn();
   const double sigma = kEnteredSigma * deflection_;
   const Eigen::Matrix2d S = H * P_ * H.transpose() + sigma * sigma * Eigen::Matrix2d::Identity();
-  const Eigen::Matrix<double, 3, 2> gain = P_ * H.transpose() * S.inverse();
+  const Eigen::Matrix<double, 4, 2> gain = P_ * H.transpose() * S.inverse();
   state_ += gain * (seen - H * state_);
   P_ -= gain * H * P_;
   P_ = (0.5 * (P_ + P_.transpose())).eval();
+}
+
+Eigen::Matrix2d TipRoll::headingCovariance() const {
+  Eigen::Matrix<double, 2, 4> H;
+  H << turn(), Eigen::Matrix2d::Identity();
+  return H * P_ * H.transpose();
 }
 
 double TipRoll::angle_rad() const {
@@ -143,6 +151,8 @@ std::optional<TipDeflection> seenDeflection(const SeenCatheter& seen, const Xray
   TipDeflection result;
   result.slope = normal.dot(chord) / px_per_m / tip_length_m;
   result.sigma = std::hypot(std::sqrt(2.0) * seen.std_px / px_per_m, kModel_m) / tip_length_m;
+  result.offset_m = normal.dot(seen.points_px.rightCols<1>() - *end_px) / px_per_m;
+  result.offset_std_m = std::hypot(seen.std_px / px_per_m, kModel_m);
   result.observable_axis = {sideways.dot(frame.normal), sideways.dot(frame.binormal)};
   return result;
 }

@@ -68,6 +68,12 @@ struct LocaliserSettings {
 struct CatheterMotion {
   double period_s = 1.0 / 15;      ///< Time since the last frame [s].
   std::optional<double> pushed_m;  ///< Length pushed in at the insertion point since then, pulled back < 0 [m].
+
+  /// Standard deviation of the tip's motion against that, besides the settings' slip and backlash [m].
+  double loose_m = 0;
+
+  /// Probability that the tip is where no frame says, whatever the evidence.
+  double fault_probability = 0;
 };
 
 /// Where the frame's pose comes from and what it is worth.
@@ -116,7 +122,7 @@ class CatheterLocaliser {
 
  private:
   void forget();
-  const TipBelief& adopt(const FrameOutcome& outcome, double end_std_m = 0);
+  const TipBelief& adopt(const FrameOutcome& outcome, const CatheterMotion& motion, double end_std_m = 0);
 
   std::shared_ptr<TipFilter> filter_;
   TipBelief belief_;

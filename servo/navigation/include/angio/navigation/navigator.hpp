@@ -9,6 +9,7 @@
 #include "angio/base/settings.hpp"
 #include "angio/localisation/tip_belief.hpp"
 #include "angio/navigation/namespace.hpp"
+#include "angio/navigation/shaft_offset.hpp"
 #include "angio/navigation/tip_roll.hpp"
 #include "angio/types/any_message.hpp"
 #include "angio/vessel/tree_topology.hpp"
@@ -102,6 +103,14 @@ struct NavigationAnswer {
 
 struct RouteView;
 
+constexpr double kLoose = 0.4;  ///< Navigator::looseness() above which a tip is steered by what the image shows of it.
+
+/// On which side of a fork the tip stands and points, as a slope towards the wanted branch and away from the next one.
+struct ForkSide {
+  double slope = 0;
+  double std = 1;  ///< Standard deviation of that.
+};
+
 /// Steers a catheter's tip through the vessels to a place: the task `navigate`.
 ///
 /// It pushes along the route; in front of each fork it turns and bends the tip so that it points into the wanted branch
@@ -119,10 +128,13 @@ class Navigator {
   NavigationAnswer step(const NavigationInput& input);
 
   const TreeTopology& map() const { return map_; }
-  const TipRoll& roll() const { return roll_; }
 
-  /// How far the tip's bend deflects it where no wall holds it, for each metre of its length.
-  double freeDeflection() const { return free_deflection_; }
+  /// How far the tip's end stands beside the vessel's axis, by its bend and by where its shaft lies.
+  TipOffset tipOffset() const { return shaft_.with(bentOffset()); }
+
+  /// ShaftOffset::looseness().
+  double looseness() const { return shaft_.looseness(); }
+
   int misses() const { return misses_; }  ///< Wrong branches entered, and walls met.
 
  private:
@@ -133,6 +145,9 @@ class Navigator {
   NavigationAnswer startLook(const NavigationInput& input);
   NavigationAnswer look(const NavigationInput& input);
   NavigationAnswer aim(const NavigationInput& input);
+  NavigationAnswer startSearch(const NavigationInput& input);
+  NavigationAnswer search(const NavigationInput& input);
+  NavigationAnswer startCrossing(const NavigationInput& input, double bend_rad);
   NavigationAnswer cross(const NavigationInput& input, const RouteView& view);
   NavigationAnswer backOff(const NavigationInput& input, const RouteView& view);
   NavigationAnswer miss(const NavigationInput& input, const RouteView& view, const std::string& why);
@@ -141,6 +156,10 @@ class Navigator {
                       double bend_rad) const;
   std::optional<std::string> resistance(const NavigationInput& input, double path_m);
   bool sureOf(const RouteView& view) const;
+  void observe(const NavigationInput& input, double path_m);
+  TipOffset bentOffset() const;
+  bool isLoose() const { return looseness() > kLoose; }
+  ForkSide sideOfForks() const;
   void planNext(int next);
   std::vector<int> closeForks(int next) const;
 
@@ -149,22 +168,31 @@ class Navigator {
   TreeLocation target_;
   double free_deflection_;
   TipRoll roll_;
+  ShaftOffset shaft_;
   NavigationState state_ = NavigationState::kFollowing;
   std::string why_;
   std::int64_t sequence_ = 0;
 
   std::optional<double> last_path_m_;               // Of the tip, when it was last located.
   std::optional<std::pair<double, double>> since_;  // Drive and tip when both last moved together.
+  std::optional<double> last_insertion_m_;
+  double slack_m_ = 0;  // That it was pulled back and has not been seen to take up again.
   double doubtful_s_ = 0, retreated_m_ = 0;
   bool asked_ = false, asked_ahead_ = false;  // For another view, while uncertain; behind this fork.
   int jumped_ = 0, beside_frames_ = 0, there_frames_ = 0;
   std::map<int, int> tries_;  // At each fork, by the branch that ends there.
   int misses_ = 0;
   std::optional<int> planned_;  // The branch that the aim is for: behind the next fork, or behind some close ones.
+  std::vector<int> aimed_for_;  // The branches up to that one.
   double aim_angle_rad_ = 0, aim_bend_rad_ = 0;
   double aimed_s_ = 0, looked_rad_ = 0, last_roll_rad_ = 0;
-  std::optional<double> looked_at_m_;  // Along the path, in this try.
-  double back_to_m_ = 0;               // Path length to pull back to.
+  std::optional<double> seen_roll_rad_;      // Of the drive, in the last frame with a tip.
+  bool searching_ = false;                   // Turns until the image shows the tip on the right side.
+  double searched_rad_ = 0, best_side_ = 0;  // In this search; the best slope of it.
+  int searches_ = 0;                         // At this fork, in this try.
+  bool asked_for_side_ = false;              // For another view, the same.
+  std::optional<double> looked_at_m_;        // Along the path, in this try.
+  double back_to_m_ = 0;                     // Path length to pull back to.
 };
 
 }  // namespace angio::navigation

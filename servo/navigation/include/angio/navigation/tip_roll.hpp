@@ -20,6 +20,8 @@ struct TipDeflection {
   /// The direction in which it is positive, in the vessel's frame at the tip: components `normal` and `binormal`.
   /// Shorter than 1: what is deflected along the beam is not seen.
   Eigen::Vector2d observable_axis = Eigen::Vector2d::Zero();
+  double offset_m = 0;         ///< Of the tip's end beside the vessel's axis, in the same direction [m].
+  double offset_std_m = 1e-3;  ///< Standard deviation of that [m].
 };
 
 /// Returns the deflection of the last `tip_length_m` [m] of a seen catheter against the image of the vessel that they
@@ -33,10 +35,11 @@ std::optional<TipDeflection> seenDeflection(const SeenCatheter& seen, const Xray
 
 /// Estimates the direction of a bent tip for a given roll of its drive: zero, wind-up and backlash leave it unknown.
 ///
-/// The tip is deflected by x = (p, q) in the vessel's frame when the drive's roll is 0, and by R(roll) x at any other;
-/// a frame measures y = observable_axis . R(roll) x + bias, where the bias is the offset of the whole catheter from the
-/// centreline. The estimate is a linear Kalman filter over (p, q, bias); its row d y / d roll is the image Jacobian of
-/// roll. The dead band between drive and tip has a nominal width (a play operator).
+/// The tip is deflected by x = (p, q) in the vessel's frame when the drive's roll is 0, and by R(roll) x at any other.
+/// The shaft behind it may cross the vessel: its slope b = (m, n) in the vessel's frame does not turn with the drive. A
+/// frame measures y = observable_axis . (R(roll) x + b). The estimate is a linear Kalman filter over (p, q, m, n); its
+/// row d y / d roll is the image Jacobian of roll. The dead band between drive and tip has a nominal width (a play
+/// operator).
 class TipRoll {
  public:
   /// @param deflection  How far tips are usually deflected, as a slope. @param dead_band_rad  Of roll, from one side to
@@ -68,14 +71,20 @@ class TipRoll {
   /// Covariance of deflection().
   Eigen::Matrix2d deflectionCovariance() const { return turn() * P_.topLeftCorner<2, 2>() * turn().transpose(); }
 
+  /// Where the tip points, its shaft's slope included: normal, binormal; sideways for each metre of its length.
+  Eigen::Vector2d heading() const { return deflection() + state_.tail<2>(); }
+
+  /// Covariance of heading().
+  Eigen::Matrix2d headingCovariance() const;
+
  private:
   Eigen::Matrix2d turn() const;  // Of the tip, by the roll that has come through.
 
   double deflection_, half_band_rad_;
   double roll_rad_ = 0;  // Of the tip, as the dead band lets it.
   bool moved_ = false;
-  Eigen::Vector3d state_ = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d P_;
+  Eigen::Vector4d state_ = Eigen::Vector4d::Zero();
+  Eigen::Matrix4d P_;
 };
 
 }  // namespace angio::navigation
