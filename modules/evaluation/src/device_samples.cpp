@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "angio/evaluation/extraction_run.hpp"
+#include "angio/simulation/device.hpp"
 #include "angio/simulation/simulated_patient.hpp"
 #include "simulation_image.hpp"
 
@@ -13,11 +14,6 @@ constexpr double kLast_s = 5;
 // Devices reach so far into the tree, and go for one of so many of its ends.
 constexpr double kMinInserted_mm = 40, kMaxInserted_mm = 250;
 constexpr int kEnds = 12;
-
-int endsOf(const VesselTree& tree) {
-  return static_cast<int>(std::count_if(tree.children().begin(), tree.children().end(),
-                                        [](const auto& children) { return children.empty(); }));
-}
 
 // What of a frame can be seen: a device hides in a vessel that absorbs more than it does.
 Centerline2d shownOf(const Centerline2d& truth) {
@@ -46,7 +42,7 @@ ExtractionSamples deviceSamples(const std::vector<VesselTree>& trees, const std:
     patient_settings.bolus.enabled = true;
     patient_settings.device.kind = device;
     patient_settings.device.inserted_mm = random.uniform(kMinInserted_mm, kMaxInserted_mm);
-    const int ends = std::min(kEnds, endsOf(tree));
+    const int ends = std::min(kEnds, static_cast<int>(endsByDistance(tree).size()));
     patient_settings.device.tip_branch = std::min(ends - 1, static_cast<int>(ends * random.uniform()));
     const double time_s = random.uniform(0, kLast_s);
 

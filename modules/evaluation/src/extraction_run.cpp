@@ -189,8 +189,7 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
     for (std::size_t turn = 0; turn < entrants.size(); ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants.size();
       const Stopwatch stage;
-      const Centerline2d found = sample.expected.size() > 0 ? extractors[m]->extract(sample.image, sample.expected)
-                                                            : extractors[m]->extract(sample.image);
+      const Centerline2d found = extractors[m]->extract(sample.image, sample.expected);
       const double time_s = stage.seconds();
       extracted[m] = scored(found, sample, tolerance_px);
       extracted[m].time_s = time_s;
