@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 
+#include "angio/base/groups.hpp"
 #include "line_density.hpp"
 #include "quantile.hpp"
 
@@ -136,19 +136,13 @@ class Surroundings {
   }
 
   void connect() {
-    root_.resize(lines_.size());
-    std::iota(root_.begin(), root_.end(), std::size_t{0});
-    const auto rootOf = [&](std::size_t i) {
-      while (root_[i] != i) i = root_[i] = root_[root_[i]];
-      return i;
-    };
-    for (std::size_t own = 0; own < lines_.size(); ++own) {
-      for (std::size_t other = 0; other < lines_.size(); ++other) {
-        if (rootOf(own) != rootOf(other) && endDistance(own, other, kJoined) < kJoined)
-          root_[rootOf(own)] = rootOf(other);
+    Groups groups(lines_.size());
+    for (int own = 0; own < static_cast<int>(lines_.size()); ++own) {
+      for (int other = 0; other < static_cast<int>(lines_.size()); ++other) {
+        if (groups.of(own) != groups.of(other) && endDistance(own, other, kJoined) < kJoined) groups.join(own, other);
       }
     }
-    for (std::size_t i = 0; i < lines_.size(); ++i) root_[i] = rootOf(i);
+    for (int i = 0; i < static_cast<int>(lines_.size()); ++i) root_.push_back(static_cast<std::size_t>(groups.of(i)));
   }
 
   void measureGroups() {

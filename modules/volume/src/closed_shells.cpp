@@ -8,8 +8,8 @@
 #include <set>
 #include <unordered_map>
 
+#include "angio/base/groups.hpp"
 #include "angio/geometry/se3.hpp"
-#include "groups.hpp"
 
 namespace angio::volume {
 namespace {

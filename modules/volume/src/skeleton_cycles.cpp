@@ -6,7 +6,7 @@
 #include <numeric>
 #include <queue>
 
-#include "groups.hpp"
+#include "angio/base/groups.hpp"
 #include "skeleton_segments.hpp"
 
 namespace angio::volume {

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <numeric>
 
-#include "groups.hpp"
+#include "angio/base/groups.hpp"
 
 namespace angio::volume {
 namespace {

@@ -5,15 +5,16 @@
 #include <numeric>
 #include <vector>
 
-#include "angio/volume/namespace.hpp"
+#include "angio/base/namespace.hpp"
 
-namespace angio::volume {
+namespace angio::base {
 
-/// Sets that grow together (union-find).
+/// Sets of the numbers below `count` that grow together (union-find): first each by itself.
 class Groups {
  public:
   explicit Groups(std::size_t count) : leader_(count) { std::iota(leader_.begin(), leader_.end(), 0); }
 
+  /// Returns the number that stands for the set of `i`: the least in it.
   int of(int i) {
     while (leader_[i] != i) {
       int& leader = leader_[i];
@@ -35,4 +36,4 @@ class Groups {
   std::vector<int> leader_;
 };
 
-}  // namespace angio::volume
+}  // namespace angio::base
