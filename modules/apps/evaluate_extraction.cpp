@@ -158,9 +158,11 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
   command->addOption("--seed", o->seed, "Seed of all draws")->check(cli::wholeBetween(0, 2147483647));
   command->addOption("--camera", o->camera, "Camera of simulated images (.yaml, ViSP .xml)");
   addModelAxes(*command, o->model_axes);
-  command->addOption("--thinnest-mm", o->thinnest_mm, "Simulated vessels from this width on must be found")
-      ->check(cli::between(0.0, 100.0));
-  command->addOption("--thickest-mm", o->thickest_mm, "and to this one")->check(cli::between(0.0, 100.0));
+  auto* thinnest =
+      command->addOption("--thinnest-mm", o->thinnest_mm, "Simulated vessels from this width on must be found")
+          ->check(cli::between(0.0, 100.0));
+  auto* thickest =
+      command->addOption("--thickest-mm", o->thickest_mm, "and to this one")->check(cli::between(0.0, 100.0));
   auto* predicted =
       command
           ->addOption("--predicted-mm", o->predicted_mm,
@@ -168,7 +170,8 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
                       "per axis); 0: it is not known")
           ->check(cli::between(0.0, 100.0));
   command->addOption("--predicted-deg", o->predicted_deg, "and turned by so much (standard deviation per axis)")
-      ->check(cli::between(0.0, 90.0));
+      ->check(cli::between(0.0, 90.0))
+      ->needs(predicted);
   auto* filled =
       command->addOption("--filled", o->filled, "Part of simulated vessels, in view, that has contrast agent")
           ->check(cli::between(0.01, 1.0));
@@ -180,7 +183,9 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
           {"none", DeviceKind::kNone}, {"catheter", DeviceKind::kCatheter}, {"guidewire", DeviceKind::kGuidewire}}))
       ->defaultText("none")
       ->excludes(predicted)
-      ->excludes(filled);
+      ->excludes(filled)
+      ->excludes(thinnest)
+      ->excludes(thickest);
   command->addOption("--radius-px", o->radius_px, "Of the vessels of a case set: what an image shows of its tree")
       ->check(cli::between(1.0, 100.0));
   command->addOption("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")
