@@ -337,11 +337,15 @@ navigating() {
   done
   echo; echo "### navigate: a catheter to ${TARGETS:-20} branches of each tree, the nodes of both machines on one bus"
   "${navigate[@]}" "${trees[@]}"
-  echo; echo "the same three journeys as in the README with an elastic catheter in the liver"
-  "$bin"/angio-simulate-loop navigate --targets 3 --first-seed 1 --threads "${THREADS:-1}" --catheter elastic
+  echo; echo "the same with an elastic catheter in the liver, then with a kinematic one to the same targets"
+  for one in elastic kinematic; do
+    "$bin"/angio-simulate-loop navigate --targets 4 --first-seed 101 --threads "${THREADS:-1}" --catheter "$one"
+  done
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
-  "${navigate[@]}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --max-edge-mm 25 \
+  # Seeds 101 and 102 were looked at.
+  "$bin"/angio-simulate-loop navigate --targets 18 --first-seed 103 --threads "${THREADS:-1}" --tree "$arch" \
+    --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --max-edge-mm 25 \
     --calibration examples/08_tasks/arch_carm.yaml
 }
 

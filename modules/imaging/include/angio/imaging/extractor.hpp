@@ -21,9 +21,9 @@ class CenterlineExtractor {
   virtual Centerline2d extract(const cv::Mat& image) = 0;
 
   /// The same of an image in which vessels are expected [px]: a projected tree whose pose was tracked, in branches.
-  /// What the image shows of them, with or without `expected`, is found by the image; where it is weak, it is looked
-  /// for where it is expected. Nothing is taken from `expected` that the image does not show. A method without use for
-  /// it, or an `expected` without branches: as above.
+  /// What the image shows without `expected` is found as above. Where that leaves a part of it without a line, one is
+  /// fitted to the image there, and kept if a vessel's shadow fits it. A method without use for it, or an `expected`
+  /// without branches: as above.
   virtual Centerline2d extract(const cv::Mat& image, const Centerline2d& expected);
 };
 
