@@ -344,7 +344,7 @@ navigating() {
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
   # Seeds 101 and 102 were looked at.
-  "$bin"/angio-simulate-loop navigate --targets 18 --first-seed 103 --threads "${THREADS:-1}" --tree "$arch" \
+  "$bin"/angio-simulate-loop navigate --targets "${TARGETS:-18}" --first-seed 103 --threads "${THREADS:-1}" --tree "$arch" \
     --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --max-edge-mm 25 \
     --calibration examples/08_tasks/arch_carm.yaml
 }
