@@ -174,6 +174,12 @@ clinical() {
       grep -A6 "\"$figure\": {" "$work/clinical.json" | grep '"mean"' | sed "s/^ */$figure, mean over frames: /"
     done
   done
+  echo; echo "the baseline, each frame for itself"
+  cp -r examples/data/hepatic-tace "$work/frames-alone"
+  sed -i 's/^sequence: true$/sequence: false/' "$work/frames-alone/cases.yaml"
+  for deformation in "" --nonrigid; do
+    "$bin"/angio-evaluate cases "$work/frames-alone/cases.yaml" --method iterative_pnp $deformation
+  done
   echo; echo "the catheter's tip in the tree: all frames at once, frame by frame, and what the published programs reached"
   "$bin"/angio-evaluate catheter examples/data/hepatic-tace/cases.yaml
 }

@@ -34,7 +34,7 @@ Json entrantsAsJson(const std::vector<Entrant>& entrants);
 struct CasesAsked {
   std::vector<Entrant> entrants;
   ExtractorSettings extractor;
-  PatientTrackerSettings tracker;
+  PatientTrackerSettings tracker = trackerOfCases();
   bool point_covariance = false, nonrigid = false;
   Campaign* campaign = nullptr;  ///< As CaseRunSettings has it.
 };

@@ -12,6 +12,7 @@
 #include "angio/io/settings_files.hpp"
 #include "angio/perception/patient_tracker.hpp"
 #include "angio/registration/starts.hpp"
+#include "angio/results/case_run.hpp"
 #include "extractor_options.hpp"
 
 namespace angio::apps {
@@ -22,7 +23,7 @@ class ProgramSettings {
  public:
   StartSettings starts;
   ExtractorSections extractors;
-  PatientTrackerSettings tracker;  ///< Of sequences.
+  PatientTrackerSettings tracker = trackerOfCases();  ///< Of sequences.
 
   void visit(SettingsVisitor& v) {
     std::apply([&](auto&... method) { (visitSection(v, method.kName, method), ...); }, methods_);

@@ -172,5 +172,18 @@ TEST_F(CaseRuns, ABlankImageIsAStatusWithATime) {
   EXPECT_FALSE(outcomes[0].error);
 }
 
+// The nominal pose of these frames leaves out where the table stood, 35 mm away. A line of another vessel is 13 px off.
+TEST(ClinicalCatheter, IsFoundFromANominalPose) {
+  CaseSet set = readCaseSet(exampleData("hepatic-tace/cases.yaml"));
+  ASSERT_TRUE(set.sequence);
+  set.cases.resize(6);
+  double residual_px = 0;
+  for (const auto& outcome : runCases(set, {OrientedKernelSettings{}, {}, RidgeSettings{}})) {
+    residual_px += outcome.result.alignment.image_residual_px / 6;
+    EXPECT_FALSE(outcome.followed.value()) << "one curve fits a dense tree in several places";
+  }
+  EXPECT_LT(residual_px, 4.5);
+}
+
 }  // namespace
 }  // namespace angio::test

@@ -100,7 +100,7 @@ RealRuns runRealCases(const RealCases& cases, const std::vector<Entrant>& entran
   RealRuns result{cases.name, {}};
   int done = 0;
   for (const Entrant& entrant : ableToRun(cases, entrants)) {
-    CaseRunSettings settings{entrant.registration, entrant.starts, extractor, {}};
+    CaseRunSettings settings{entrant.registration, entrant.starts, extractor};
     settings.campaign = campaign;
     result.runs.push_back({entrant.name, runCases(each, settings, [&](int) {
                              if (progress) progress(++done);

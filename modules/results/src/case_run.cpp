@@ -134,6 +134,14 @@ CaseOutcome CaseRunner::run(const Case& one, int frame) {
 
 }  // namespace
 
+PatientTrackerSettings trackerOfCases() {
+  const OrientedKernelSettings believed;
+  PatientTrackerSettings tracker;
+  tracker.calibration_rotation_std_deg = believed.prior_rotation_std_deg;
+  tracker.calibration_translation_std_mm = believed.prior_translation_std_mm;
+  return tracker;
+}
+
 void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome) {
   const RegistrationResult& result = outcome.result;
   outcome.usable_for.clear();

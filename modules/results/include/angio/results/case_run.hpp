@@ -16,15 +16,19 @@
 
 namespace angio::results {
 
+/// How the frames of a sequence are tracked when nothing else is asked for: an initial pose is believed as well as a
+/// single case's (OrientedKernelSettings), since it may be a nominal one. A loop believes its calibration better.
+PatientTrackerSettings trackerOfCases();
+
 /// How cases are run.
 struct CaseRunSettings {
   RegistrationSettings registration;
   StartSettings starts;
   ExtractorSettings extractor;
-  PatientTrackerSettings tracker;  ///< Of sequences.
-  bool point_covariance = false;   ///< Whether the covariance of each point of the tree is wanted.
-  bool displacements = false;      ///< Whether every result has displacements: of a rigid method they are zero.
-  Campaign* campaign = nullptr;    ///< Where cases come from that are not all run here; a sequence is one run.
+  PatientTrackerSettings tracker = trackerOfCases();  ///< Of sequences.
+  bool point_covariance = false;                      ///< Whether the covariance of each point of the tree is wanted.
+  bool displacements = false;    ///< Whether every result has displacements: of a rigid method they are zero.
+  Campaign* campaign = nullptr;  ///< Where cases come from that are not all run here; a sequence is one run.
 };
 
 /// What became of one case.
