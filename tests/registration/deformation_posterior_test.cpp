@@ -34,7 +34,9 @@ struct DrawnPosterior {
   Eigen::Vector3d at = Eigen::Vector3d::Zero(), moved_m = Eigen::Vector3d::Zero();
 };
 
-DrawnPosterior drawPosterior(test::Random& random, double deformation_m) {
+// Every other group is seen along x where there are two views, else all along z.
+DrawnPosterior drawPosterior(test::Random& random, double deformation_m, const ProcessShape& shape = kOneViewShape,
+                             int views = 1) {
   DrawnPosterior drawn;
   drawn.belief.information.diagonal() << Eigen::Vector3d::Constant(1 / (kShiftStd_m * kShiftStd_m)),
       Eigen::Vector3d::Constant(1 / (kTurnStd_rad * kTurnStd_rad));
@@ -47,6 +49,10 @@ DrawnPosterior drawPosterior(test::Random& random, double deformation_m) {
     // Across the vessel, seen along z by a camera with perspective.
     group.gradient = kPosteriorFocal_px / z * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0);
     group.gradient.z() = -group.gradient.head<2>().dot(group.at.head<2>()) / z;
+    if (views == 2 && i % 2 == 1) {
+      std::swap(group.at.x(), group.at.z());
+      std::swap(group.gradient.x(), group.gradient.z());
+    }
     group.jacobian << group.gradient, group.at.cross(group.gradient);
     group.weight = group.pull = kPosteriorPoints;
     group.scatter_px2 = kPosteriorNoise_px * kPosteriorNoise_px;
@@ -55,7 +61,7 @@ DrawnPosterior drawPosterior(test::Random& random, double deformation_m) {
   drawn.at = 0.05 * random.vector(1).cwiseMax(-1).cwiseMin(1);
 
   // The field at all groups and the place.
-  const DeformationProcess process(drawn.groups, kFieldLength_m, kOneViewShape);
+  const DeformationProcess process(drawn.groups, kFieldLength_m, shape);
   Eigen::Matrix3Xd places(3, kGroups + 1);
   for (int i = 0; i < kGroups; ++i) places.col(i) = drawn.groups[static_cast<std::size_t>(i)].at;
   places.col(kGroups) = drawn.at;
@@ -88,18 +94,21 @@ Eigen::Vector3d meanAt(const DeformationPosterior& posterior, const Eigen::Vecto
 }
 
 // Simulation-based calibration (Talts et al. 2018): where the truth is drawn from the prior, its rank in the posterior
-// is even. Chi-square of 9 degrees of freedom: below 27.9 in all but one of a thousand, here of 300 ranks each; the
-// amplitude is one of the grid's, and is not told.
-TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
+// is even, in one view and in two. Chi-square of 9 degrees of freedom: below 27.9 in all but one of a thousand, here of
+// 300 ranks each; the amplitude is one of the grid's, and is not told.
+class RanksOfTheTruth : public testing::TestWithParam<int> {};
+
+TEST_P(RanksOfTheTruth, AreEven) {
   test::Random random(41);
   constexpr int kTrials = 300, kBins = 10;
-  ProcessShape shape = kOneViewShape;
+  const int views = GetParam();
+  ProcessShape shape = views == 1 ? kOneViewShape : kViewsShape;
   shape.tails = 1;  // What is drawn is drawn from the process.
   std::array<std::array<int, kBins>, 3> ranks{};
   constexpr std::array<double, 4> kAmplitudes_m = {0.2e-3, 0.4e-3, 0.8e-3, 1.6e-3};
   for (int trial = 0; trial < kTrials; ++trial) {
     const DrawnPosterior drawn =
-        drawPosterior(random, kAmplitudes_m[static_cast<std::size_t>(trial) % kAmplitudes_m.size()]);
+        drawPosterior(random, kAmplitudes_m[static_cast<std::size_t>(trial) % kAmplitudes_m.size()], shape, views);
     const DeformationPosterior posterior(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, shape);
     ASSERT_TRUE(posterior.known());
     const Eigen::Vector3d error = meanAt(posterior, drawn.at) - drawn.moved_m;
@@ -117,6 +126,8 @@ TEST(DeformationPosterior, RanksOfTheTruthAreEven) {
     EXPECT_LT(chi2, 27.9);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Views, RanksOfTheTruth, testing::Values(1, 2));
 
 // Without a deformation nothing but the pose is left, and it is the weighed least squares of residuals and belief.
 TEST(DeformationPosterior, OfARigidTreeIsTheRigidFit) {

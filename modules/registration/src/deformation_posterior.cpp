@@ -33,9 +33,6 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
   twist_ = inverseOf(whitened_jacobian_.transpose() * whitened_jacobian_ + information);
   mean_ = -twist_ * (whitened_jacobian_.transpose() * factor_.matrixL().solve(groups_.residual_px) + pull);
   weights_ = -factor_.solve(groups_.residual_px + J * mean_);
-  claims2_ = shape.claims * shape.claims;
-  noise_ *= claims2_;
-  twist_ *= claims2_;
   known_ = noise_.allFinite() && twist_.allFinite() && mean_.allFinite() && weights_.allFinite();
 }
 
@@ -72,9 +69,8 @@ Eigen::Matrix3d DeformationPosterior::pointCovariance(const Eigen::Vector3d& at)
       deformation.asDiagonal() * process_.withPlace(groups_, at) + local.asDiagonal() * groups_.gradient.transpose();
   const Eigen::Matrix<double, Eigen::Dynamic, 3> seen = factor_.matrixL().solve(with);
   const Eigen::Matrix<double, 3, 6> by_twist = jacobian(at) - seen.transpose() * whitened_jacobian_;
-  return claims2_ *
-             (deformation2_m2 * moments_.deformation(now, now) * process_.covariance(at) +
-              (local2_m2 + moments_.shift_m2(now, now)) * Eigen::Matrix3d::Identity() - seen.transpose() * seen) +
+  return deformation2_m2 * moments_.deformation(now, now) * process_.covariance(at) +
+         (local2_m2 + moments_.shift_m2(now, now)) * Eigen::Matrix3d::Identity() - seen.transpose() * seen +
          by_twist * twist_ * by_twist.transpose();
 }
 

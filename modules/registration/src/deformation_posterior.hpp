@@ -64,7 +64,7 @@ class DeformationPosterior final : public TreeError {
   Eigen::VectorXd weights_;  // Of the groups' residuals in a displacement.
   Eigen::VectorXd noise_px2_;
   Twist mean_ = Twist::Zero();
-  double local_m_ = 0, claims2_ = 1;
+  double local_m_ = 0;
   bool known_ = false;
 };
 

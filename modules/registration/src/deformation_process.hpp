@@ -25,22 +25,21 @@ struct ProcessShape {
   double growth;  ///< Of a growth alike on all axes, at the radius of gyration.
   /// Of the smooth part what goes together over L, L / 2 and L / 6; their sum is 1.
   double over_long, over_half, over_short;
-  /// Factor on what is claimed: several views leave little open, less than any process gets right.
-  double claims;
   /// Factor on the amplitude that the residuals speak for: measured deformations differ in their ratio of strain to
   /// displacement by more than one amplitude can follow, and are not drawn from the process.
   double tails;
 };
 
 /// Of the error of a rigid fit.
-inline constexpr ProcessShape kRigidShape{2, 0.5, 0.5, 0, 1, 1.5};
+inline constexpr ProcessShape kRigidShape{2, 0.5, 0.5, 0, 1.5};
 /// Of a fit that deforms to one view. Trees that deform smoothly grow by more than a rigid fit's errors have it: depth
 /// is then the belief's.
-inline constexpr ProcessShape kOneViewShape{8, 0.5, 0.5, 0, 1, 2.2};
+inline constexpr ProcessShape kOneViewShape{8, 0.5, 0.5, 0, 2.2};
 /// Of a fit to several views, which tell depth. Measured motions of lungs carried over to brains, less a linear map:
 /// differences over 4, 9, 17, 31 and 52 mm have 0.03, 0.10, 0.30, 0.68 and 1.0 of their variance, as a Matern 5/2 over
-/// 10 mm has it. They tell how large a deformation is; what else is off is seen place by place (LocalMisfit).
-inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1.6, 1};
+/// 10 mm has it. They tell how large a deformation is; what else is off is seen place by place (LocalMisfit), and
+/// by how much is explained (claimsOfViews).
+inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1};
 
 /// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.
 ///
@@ -71,7 +70,7 @@ class DeformationProcess {
 
  private:
   double length_m_ = 1, radius2_m2_ = 1;
-  ProcessShape shape_{0, 1, 0, 0, 1, 1};
+  ProcessShape shape_{0, 1, 0, 0, 1};
 };
 
 /// Returns the correlation, alike on every axis, of what a model is off over millimetres, for all pairs of two sets of
