@@ -224,7 +224,8 @@ class Search {
   double total(const ViewAngles& angles, const ViewCost& cost) const {
     const double cosine = std::clamp(beamDirection(angles).dot(beamDirection(scene_.near)), -1.0, 1.0);
     return cost.foreshortening + settings_.overlap_weight * cost.overlap +
-           settings_.turn_weight * std::acos(cosine) / degToRad(90);
+           settings_.turn_weight * std::acos(cosine) / degToRad(90) +
+           (scene_.other_cost ? scene_.other_cost(angles) : 0.0);
   }
   /// Downhill from a node, in steps that are halved (pattern search).
   void refine(BestView& best, double step_rad) const {

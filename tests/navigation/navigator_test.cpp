@@ -35,6 +35,18 @@ bool rests(const CatheterCommand& c) {
   return c.insertion_speed_m_per_s == 0 && c.roll_speed_rad_per_s == 0 && c.bend_speed_rad_per_s == 0;
 }
 
+// Shows a navigator a tip far beside the axis while its drive turns: it takes the catheter for a loose one. Then the
+// tip is not seen until it may be anywhere.
+void showLooseTip(Navigator& navigator, NavigationInput& input) {
+  for (int i = 0; i < 20; ++i) {
+    input.deflection.reset();
+    if (i < 10) input.deflection = TipDeflection{0, 0.05, Eigen::Vector2d::UnitX(), 3e-3, 0.4e-3};
+    input.drive.roll_rad += 1;
+    (void)navigator.step(input);
+  }
+  ASSERT_TRUE(navigator.isLoose());
+}
+
 struct NavigatorTest : testing::Test {
   VesselTree tree = test::branchingTree(4);
   TreeTopology map{tree};
@@ -91,8 +103,9 @@ TEST_F(NavigatorTest, TurnsATipOnceWhosePlaceBesideTheAxisIsOpen) {
   EXPECT_EQ(navigator.step(input).state, NavigationState::kFollowing);
 }
 
-// What the image shows of the tip decides in front of a fork: one that stands and points into the wanted branch is
-// pushed on as it is, one that does so to the other branch is turned first.
+// What the image shows of a loose tip decides in front of a fork: one that stands and points into the wanted branch is
+// pushed on as it is, one that does so to the other branch is turned first, and a view along both branches' plane does
+// not tell, so that another one is asked for.
 TEST_F(NavigatorTest, CrossesAForkAtOnceWhereTheImageShowsTheTipOnTheWantedSide) {
   const std::vector<int> route = map.pathTo(target);
   const int first = route[0], wanted = route[1];
@@ -101,14 +114,24 @@ TEST_F(NavigatorTest, CrossesAForkAtOnceWhereTheImageShowsTheTipOnTheWantedSide)
     const Eigen::Vector3d off = map.point({branch, 6e-3}) - map.point({branch, 0});
     return Eigen::Vector2d(off.dot(frame.normal), off.dot(frame.binormal)).normalized();
   };
-  for (const bool right : {true, false}) {
+  const Eigen::Vector2d side = sideways(wanted), across(-side.y(), side.x());
+  enum class Shown { kRight, kWrong, kNothing };
+  for (const Shown shown : {Shown::kRight, Shown::kWrong, Shown::kNothing}) {
+    const bool right = shown == Shown::kRight;
     Navigator steering(tree, {target, 3e-3}, {});
     NavigationInput input = inputAt(map, {first, map.length_m(first) - 10e-3});
-    input.deflection = TipDeflection{right ? 0.4 : -0.4, 0.05, sideways(wanted), right ? 1.5e-3 : -1.5e-3, 0.4e-3};
+    showLooseTip(steering, input);
+    input.deflection = TipDeflection{right ? 0.4 : -0.4, 0.05, shown == Shown::kNothing ? across : side,
+                                     right ? 1.5e-3 : -1.5e-3, 0.4e-3};
     NavigationAnswer answer;
-    for (int i = 0; i < 10; ++i) answer = steering.step(input);
+    for (int i = 0; i < 40; ++i) answer = steering.step(input);
     input.belief = inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
-    for (int i = 0; i < 4; ++i) answer = steering.step(input);
+    bool asked = false;
+    for (int i = 0; i < 4; ++i) {
+      answer = steering.step(input);
+      asked = asked || answer.another_view;
+    }
+    EXPECT_EQ(asked, shown == Shown::kNothing);
     if (right) {
       EXPECT_EQ(answer.state, NavigationState::kCrossing);
       EXPECT_EQ(answer.command.roll_speed_rad_per_s, 0);
@@ -138,6 +161,26 @@ TEST_F(NavigatorTest, ALengthThatWasPulledBackMayBePushedInBeforeTheTipFollows) 
     // millimetres.
     EXPECT_NEAR(input.drive.insertion_m - from_m, 2 * pulled_m + 12e-3, 0.6e-3) << pulled_m;
   }
+}
+
+// A loose shaft takes up in parts what it was pulled back by: its tip springs on in between.
+TEST_F(NavigatorTest, ALooseTipThatSpringsOnLeavesTheRestOfTheLengthToBePushedIn) {
+  NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  input.drive.insertion_m = 0.1;
+  showLooseTip(navigator, input);
+  input.drive.insertion_m -= 20e-3;
+  (void)navigator.step(input);
+  input.drive.insertion_m += 8e-3;
+  (void)navigator.step(input);
+  input.belief = inputAt(map, {map.pathTo(target).front(), 12e-3}).belief;
+  (void)navigator.step(input);
+  const double from_m = input.drive.insertion_m;
+  while (navigator.step(input).state != NavigationState::kBackingOff) {
+    ASSERT_LT(input.drive.insertion_m, from_m + 80e-3);
+    input.drive.insertion_m += 0.5e-3;
+  }
+  // What is left of the 20 mm, and the stall that is one of a loose catheter; in half millimetres.
+  EXPECT_NEAR(input.drive.insertion_m - from_m, 12e-3 + 25e-3, 0.6e-3);
 }
 
 TEST_F(NavigatorTest, StopsWhereItWasToGo) {

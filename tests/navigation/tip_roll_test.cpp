@@ -50,6 +50,30 @@ TEST(TipRoll, ABackAndForthWithinTheDeadBandDoesNotTurnTheTip) {
   EXPECT_EQ(roll.angle_rad(), before);
 }
 
+// A tip between walls stays where it was seen while its drive turns, and is less and less known to be there.
+TEST(TipRoll, ALooseTipDoesNotTurnWithItsDriveAndIsForgottenOnTheWay) {
+  TipRoll loose(0.2, 0), follows(0.2, 0);
+  for (TipRoll* roll : {&loose, &follows}) {
+    for (int i = 0; i < 20; ++i) {
+      roll->move(0, 0);
+      roll->see({0.2, 0.02, Eigen::Vector2d::UnitX()});
+      roll->see({0.0, 0.02, Eigen::Vector2d::UnitY()});
+    }
+  }
+  const Eigen::Vector2d seen = loose.deflection();
+  const double sure_rad = loose.std_rad();
+  follows.move(0.5, 0);
+  loose.moveLoosely(0.5, 0);
+  EXPECT_NEAR(follows.angle_rad(), 0.5, 0.1);
+  EXPECT_NEAR((loose.deflection().normalized() - seen.normalized()).norm(), 0, 1e-9);
+  EXPECT_LT(loose.deflection().norm(), seen.norm());
+  EXPECT_GT(loose.std_rad(), std::max(sure_rad, follows.std_rad()));
+  loose.moveLoosely(10, 0);
+  EXPECT_NEAR(loose.deflection().norm(), 0, 0.01 * seen.norm());
+  // Of nothing is known more than the usual deflection.
+  EXPECT_NEAR(loose.deflectionCovariance().trace(), 2 * 0.2 * 0.2, 0.01);
+}
+
 // A tip that was seen to point one way and is bent may be deflected far beyond that, the same way; straight again, it
 // is not.
 TEST(TipRoll, ABentTipMayBeDeflectedFurtherTheSameWay) {

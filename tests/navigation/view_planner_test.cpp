@@ -88,6 +88,33 @@ TEST(ViewPlanner, KnowsWhereARouteWasLeft) {
   }
 }
 
+// A vessel along +S from which two branches part in a plane that is turned about it: seen along its normal a tip's side
+// is seen too. The vessel alone leaves all views around it alike.
+TEST(ViewPlanner, LooksAcrossTheForksOfALooseCatheter) {
+  for (const double turned_deg : {20.0, 70.0}) {
+    const Eigen::Vector3d side(std::cos(degToRad(turned_deg)), std::sin(degToRad(turned_deg)), 0);
+    constexpr int kTrunk = 30, kBranch = 15;
+    Eigen::Matrix3Xd points(3, kTrunk + 2 * kBranch);
+    std::vector<int> parents;
+    for (int i = 0; i < points.cols(); ++i) {
+      const bool on_trunk = i < kTrunk, second = i >= kTrunk + kBranch;
+      const int along = on_trunk ? i : (i - kTrunk) % kBranch + 1;
+      points.col(i) = Eigen::Vector3d(0, 0, 2e-3 * (on_trunk ? along : kTrunk - 1 + 0.7 * along));
+      if (!on_trunk) points.col(i) += (second ? -1 : 1) * 1.4e-3 * along * side;
+      parents.push_back(i == kTrunk || i == kTrunk + kBranch ? kTrunk - 1 : i - 1);
+    }
+    const VesselTree tree(points, parents);
+    const TreeTopology map(tree);
+    ASSERT_EQ(map.branchCount(), 3);
+    ViewPlanner view(tree, {1, 15e-3}, {}, {});
+    const auto answer = view.next({0, 40e-3}, false, true);
+    ASSERT_TRUE(answer);
+    // Seen as long as it is to 3 %, which is 14 deg, and at no more cost than kShownWell leaves free.
+    EXPECT_LT(alongBeam(*answer, side), std::sqrt(1 - 0.85 * 0.85) + 0.02) << turned_deg;
+    EXPECT_LT(alongBeam(*answer, Eigen::Vector3d::UnitZ()), std::sin(degToRad(14))) << turned_deg;
+  }
+}
+
 TEST(ViewPlanner, RefusesATargetThatIsNoPlaceOfTheTree) {
   const VesselTree tree = corner();
   EXPECT_EQ(test::refusalOf([&] {

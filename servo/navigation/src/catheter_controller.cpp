@@ -100,7 +100,7 @@ void CatheterController::planView(const XrayFrame& frame, std::int64_t reached_u
   if (request_ && reached_us != request_->time_us) return;
   if (!view_since_us_) view_since_us_ = frame.time_us;
   const TipPlace& tip = loop_.belief().tip;
-  if (const auto view = planner_->next({tip.branch, tip.arc_m}, in_doubt_)) {
+  if (const auto view = planner_->next({tip.branch, tip.arc_m}, in_doubt_, loop_.navigator().isLoose())) {
     ask(frame, *view, !request_ ? "the journey begins" : in_doubt_ ? "the last one leaves doubt" : "the tip goes on");
   } else if (!washed_out_ &&
              1e-6 * static_cast<double>(frame.time_us - *view_since_us_) > settings_.roadmap_patience_s) {

@@ -12,6 +12,7 @@ namespace {
 constexpr double kUsualPeriod_s = 1.0 / 15;
 constexpr double kSpring_m = 0.4e-3, kSpringOfPush = 0.5;  // Of the tip of an elastic catheter: it sticks and springs.
 constexpr double kLooseFaults = 0.14;                      // Of frames of such a tip; seeds 1-3 of the liver had 8 %.
+constexpr double kLoose = 0.4;                             // Looseness from which frames may be wrong so.
 constexpr double kMaxPeriod_s = 0.2;  // A longer gap is no time in which doubt could have been cleared up.
 
 }  // namespace

@@ -19,12 +19,27 @@ constexpr double kBendGain_per_s = 3;
 constexpr double kDeflected = 0.5;       // Of what its bend would deflect a free tip by, a tip in a vessel usually is.
 constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
 constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner walls, and is pushed to the outer first.
-constexpr double kJump_m = 6e-3;       // Between two frames: more than any command does.
-constexpr int kTriesInAll = 6;         // At all forks, times those at one.
+constexpr double kMaxLooseSlack_m = 30e-3;  // The same of a loose one, by what it took to move its tip again.
+constexpr double kMuchSlack_m = 6e-3;
+constexpr double kJump_m = 6e-3;      // Between two frames: more than any command does.
+constexpr double kSurelyLoose = 0.6;  // Looseness from which a catheter is taken for a loose one.
+constexpr double kAimIn = 0.3;        // Of a branch's length: a loose tip is aimed no earlier before its end.
+constexpr double kMoreSlope = 0.1, kMostSlope = 0.6;  // A fork that was missed at a slope takes so much more, at most.
+constexpr int kLooseTriesOfAView = 4;                 // Its views are chosen for their forks.
+constexpr int kTriesInAll = 6;                        // At all forks, times those at one.
 
 // Of a tip that no wall holds, as a slope.
 double freeSlope(const NavigatorSettings& settings, double bend_rad) {
   return std::sin(std::clamp(degToRad(settings.tip_angle_deg) + bend_rad, degToRad(10), 0.5 * kPi));
+}
+
+// Where each branch ends; of one that is not known, 1 mm.
+std::vector<double> endRadii(const TreeTopology& map, const VesselTree& tree) {
+  std::vector<double> radii;
+  for (int branch = 0; branch < map.branchCount(); ++branch) {
+    radii.push_back(tree.radii()[static_cast<std::size_t>(map.points(branch).back())].value_or(1e-3));
+  }
+  return radii;
 }
 
 bool sound(const NavigationInput& input) {
@@ -57,6 +72,7 @@ Navigator::Navigator(const VesselTree& tree, const TreeLocation& target, const N
     : settings_(checked("navigator", settings)),
       map_(tree),
       target_(target),
+      end_radii_m_(endRadii(map_, tree)),
       free_deflection_(freeSlope(settings, 0)),
       roll_(kDeflected * free_deflection_, degToRad(settings.dead_band_deg)) {
   if (target.branch < 0 || target.branch >= map_.branchCount()) {
@@ -130,11 +146,19 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
 // What the frame says of how the tip stands and points.
 void Navigator::observe(const NavigationInput& input, double path_m) {
   const double slid_m = last_path_m_ ? path_m - *last_path_m_ : 0.0;
-  roll_.move(input.drive.roll_rad, slid_m);
+  if (isLoose()) {
+    roll_.moveLoosely(input.drive.roll_rad, slid_m);
+  } else {
+    roll_.move(input.drive.roll_rad, slid_m);
+  }
   shaft_.move(slid_m, seen_roll_rad_ ? input.drive.roll_rad - *seen_roll_rad_ : 0.0);
+  // A catheter stays what it is; in narrow vessels it lies near the axis all the same.
+  loose_ = loose_ || looseness() > kSurelyLoose;
   last_path_m_ = path_m;
   seen_roll_rad_ = input.drive.roll_rad;
+  observable_axis_.reset();
   if (!input.deflection) return;
+  observable_axis_ = input.deflection->observable_axis;
   roll_.see(*input.deflection);
   shaft_.see(bentOffset(), input.deflection->observable_axis, input.deflection->offset_m,
              input.deflection->offset_std_m);
@@ -172,7 +196,10 @@ NavigationAnswer Navigator::holdUnsure(const NavigationInput& input, const std::
 std::optional<std::string> Navigator::resistance(const NavigationInput& input, double path_m) {
   const double in_m = last_insertion_m_ ? input.drive.insertion_m - *last_insertion_m_ : 0.0;
   last_insertion_m_ = input.drive.insertion_m;
-  if (in_m < 0) slack_m_ = std::min(slack_m_ - in_m, kMaxSlack_m);
+  if (in_m < 0) {
+    slack_m_ = std::min(slack_m_ - in_m, isLoose() ? kMaxLooseSlack_m : kMaxSlack_m);
+    if (isLoose()) since_.reset();
+  }
   const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
   if (!pushing) since_.reset();
   if (pushing && input.drive.insertion_force_n > settings_.max_force_n) {
@@ -181,10 +208,13 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
   }
   if (!pushing) return std::nullopt;
   if (!since_ || std::abs(path_m - since_->second) > kFirmSlide_m) {
-    if (since_ && path_m > since_->second) slack_m_ = 0;
+    // A loose shaft takes up what it was pulled back by in parts: its tip springs on in between.
+    if (since_ && path_m > since_->second)
+      slack_m_ = isLoose() ? std::max(slack_m_ - (input.drive.insertion_m - since_->first), 0.0) : 0.0;
     since_ = {input.drive.insertion_m, path_m};
   }
-  if (input.drive.insertion_m - since_->first < 1e-3 * settings_.stall_mm + slack_m_) return std::nullopt;
+  const double stall_m = 1e-3 * (isLoose() ? settings_.loose_stall_mm : settings_.stall_mm);
+  if (input.drive.insertion_m - since_->first < stall_m + slack_m_) return std::nullopt;
   since_.reset();
   return "the tip does not follow the drive";
 }
@@ -194,7 +224,7 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
   if (!view.on_route) {
     if (beside_frames_ < kSteadyFrames) return {{}, state_, "is the tip beside the route?"};
     if (sureOf(view)) return miss(input, view, "the tip is beside the route");
-    return go(input, 1e-3 * settings_.fork_speed_mm_per_s, 0, 0);  // Branches part further on.
+    return go(input, pushSpeed(settings_.fork_speed_mm_per_s), 0, 0);  // Branches part further on.
   }
   // In a wide vessel a tip stands beside the axis, and one view does not show how far along the beam. A turn does.
   if (input.belief->status == BeliefStatus::kUnsure && shouldLook()) return startLook(input);
@@ -204,10 +234,11 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
               1e-3 * (left_m < 1e-3 * settings_.slow_mm ? settings_.fork_speed_mm_per_s : settings_.speed_mm_per_s), 0,
               0);
   }
-  const double aim_m = 1e-3 * settings_.aim_mm;
+  // Turned just inside a short branch, a loose tip falls out of it.
+  const double aim_m = std::min(1e-3 * settings_.aim_mm, isLoose() ? kAimIn * map_.length_m(view.branch) : 1.0);
   if (view.to_fork_m <= aim_m) return atFork(input, view);
   const bool slow = view.to_fork_m < 1e-3 * settings_.slow_mm;
-  return go(input, 1e-3 * (slow ? settings_.fork_speed_mm_per_s : settings_.speed_mm_per_s), 0, 0);
+  return go(input, pushSpeed(slow ? settings_.fork_speed_mm_per_s : settings_.speed_mm_per_s), 0, 0);
 }
 
 // Pulls back to in front of the fork that was missed, or from a wall; then tries again, for as often as it may.
@@ -227,6 +258,8 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   looked_at_m_.reset();
   searches_ = 0;
   asked_for_side_ = false;
+  missed_beside_ = !view.on_route;
+  if (missed_beside_) needed_slope_ = std::min(std::max(needed_slope_, crossed_at_) + kMoreSlope, kMostSlope);
   why_ = why;
   state_ = NavigationState::kBackingOff;
   const double start_m = map_.start_m(branch), fork_m = start_m + map_.length_m(branch);
@@ -235,17 +268,26 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   const double min_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(branch));
   back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, min_m);
   NavigationAnswer answer = backOff(input, view);
-  answer.another_view = tries % 2 == 0;
+  answer.another_view = tries % (isLoose() ? kLooseTriesOfAView : 2) == 0;
   return answer;
 }
 
 NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {
   const double path_m = map_.start_m(input.belief->tip.branch) + input.belief->tip.arc_m;
   if (path_m <= back_to_m_ && view.on_route) return follow(input, view);
+  // A loose tip that is pulled springs, and sometimes into the branch that it is to go to.
+  if (isLoose() && missed_beside_ && hasEntered(input)) return enter(input, view);
   if (path_m <= 1e-3) return follow(input, view);
   NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_per_s, 0, 0);
   answer.why = why_;
   return answer;
+}
+
+// Of the drive [m/s], for a tip that is to go on by `speed_mm_per_s`: the length that a loose shaft was pulled back by
+// goes in before its tip follows.
+double Navigator::pushSpeed(double speed_mm_per_s) const {
+  const bool takes_up = isLoose() && slack_m_ > kMuchSlack_m;
+  return 1e-3 * (takes_up ? std::max(speed_mm_per_s, settings_.speed_mm_per_s) : speed_mm_per_s);
 }
 
 NavigationAnswer Navigator::go(const NavigationInput& input, double insertion_m_per_s, double roll_rad_per_s,

@@ -17,15 +17,14 @@ namespace {
 
 // Slopes to the wanted side of a fork, of a loose catheter: enough to cross at once, less half the standard deviation;
 // after an aim; and not enough to go on.
-constexpr double kSureSide = 0.1, kLikelySide = 0.05, kWrongSide = -0.05;
-constexpr double kBlind = 0.33;            // Standard deviation from which a view shows too little of it.
+constexpr double kSureSide = 0.1, kWrongSide = -0.05;
+constexpr double kShown = 0.6;             // Of a length to that side, in the image: less is too little.
 constexpr double kMaxLooseBend_deg = 80;   // Of a loose catheter's tip: bent further it hooks into the wall.
+constexpr double kOfLumen = 2.4;           // Radii that a tip may be deflected by at first.
+constexpr double kHooked_m = 10e-3;        // Of a push that the tip of a loose catheter does not follow.
 constexpr double kOfBest = 0.75;           // Of the best slope of a search that has gone around: enough to cross.
 constexpr double kAround_rad = 2.2 * kPi;  // Of a search.
-constexpr double kSearchSpeed = 0.7;       // Of the roll's: the image is a little late.
-constexpr int kMaxSearches = 1;            // In a try.
-
-bool isSure(const ForkSide& side) { return side.slope - 0.5 * side.std > kSureSide; }
+constexpr int kMaxSearches = 3;            // In a try.
 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
@@ -45,11 +44,12 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
   planNext(*view.next);
   if (isLoose()) {
     const ForkSide side = sideOfForks();
-    if (isSure(side)) return startCrossing(input, input.drive.bend_rad);
-    if (side.std > kBlind && !asked_for_side_) {
+    if (standsRight(side)) return startCrossing(input, input.drive.bend_rad);
+    if (!showsSideOf(*view.next) && !asked_for_side_) {
       asked_for_side_ = true;
       return {{}, NavigationState::kWaiting, "this view does not show which way the tip points", true};
     }
+    return startSearch(input);
   }
   if (shouldLook()) return startLook(input);
   state_ = NavigationState::kAiming;
@@ -61,6 +61,7 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
 NavigationAnswer Navigator::startCrossing(const NavigationInput& input, double bend_rad) {
   state_ = NavigationState::kCrossing;
   aim_bend_rad_ = bend_rad;
+  crossed_at_ = sideOfForks().slope;
   asked_ahead_ = false;
   since_.reset();
   return go(input, 0, 0, aim_bend_rad_);
@@ -83,6 +84,16 @@ ForkSide Navigator::sideOfForks() const {
   return least;
 }
 
+bool Navigator::standsRight(const ForkSide& side) const {
+  return side.slope - 0.5 * side.std > kSureSide && side.slope > needed_slope_;
+}
+
+// Whether the image shows to which side of the fork in front of `branch` the tip stands.
+bool Navigator::showsSideOf(int branch) const {
+  const Eigen::Vector2d side = sideTowards(forkAt(map_, branch, target_.branch, 1e-3 * settings_.lever_mm));
+  return side.isZero() || (observable_axis_ && std::abs(side.dot(*observable_axis_)) >= kShown);
+}
+
 // The branches of the route from `next` on that begin at a fork which there is no room to aim in front of.
 std::vector<int> Navigator::closeForks(int next) const {
   const std::vector<int> route = map_.pathTo(target_.branch);
@@ -93,6 +104,7 @@ std::vector<int> Navigator::closeForks(int next) const {
 }
 
 void Navigator::planNext(int next) {
+  const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
   const double bent_deg = settings_.tip_angle_deg + settings_.max_bend_deg;
   const double max_bend_deg =
       isLoose() ? std::max(settings_.tip_angle_deg, std::min(kMaxLooseBend_deg, bent_deg)) : bent_deg;
@@ -105,15 +117,21 @@ void Navigator::planNext(int next) {
     branches.pop_back();
     plan = planForks(map_, branches, target_.branch, range, sigma, lever_m);
   }
-  const auto tried = static_cast<std::size_t>(tries_[*map_.parent(next)]);
   planned_ = branches.back();
   aimed_for_ = branches;
   aim_angle_rad_ = plan.angle_rad + kBeside_rad[tried % std::size(kBeside_rad)];
   aim_bend_rad_ = plan.bend_rad - degToRad(settings_.tip_angle_deg);
+  // No more bent than the lumen has room for, but for every other try: a tip that both walls hold springs.
+  if (isLoose() && tried % 2 == 0) {
+    const double room = kOfLumen * end_radii_m_[*map_.parent(next)] / (1e-3 * settings_.tip_length_mm);
+    const double roomy_rad = std::asin(std::min(room, 1.0)) - degToRad(settings_.tip_angle_deg);
+    aim_bend_rad_ = std::min(aim_bend_rad_, std::max(roomy_rad, 0.0));
+  }
 }
 
 // Whether the tip's direction is too unsure, and a turn has not just shown it.
 bool Navigator::shouldLook() const {
+  if (isLoose()) return false;  // Its tip does not follow the drive's roll, which a turn would show.
   const bool looked = looked_at_m_ && std::abs(*last_path_m_ - *looked_at_m_) < kLooked_m;
   return !looked && roll_.std_rad() > degToRad(settings_.look_std_deg);
 }
@@ -147,22 +165,19 @@ NavigationAnswer Navigator::aim(const NavigationInput& input) {
   const bool turned = std::abs(left) < close;
   if (left < -close) left += 2 * kPi;
   const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
-  if ((turned && bent) || aimed_s_ > kMaxAim_s) {
-    if (!isLoose() || searches_ >= kMaxSearches || sideOfForks().slope > kLikelySide)
-      return startCrossing(input, aim_bend_rad_);
-    return startSearch(input);
-  }
+  if ((turned && bent) || aimed_s_ > kMaxAim_s) return startCrossing(input, aim_bend_rad_);
   const double fastest = degToRad(settings_.roll_speed_deg_per_s);
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
 
 // A tip between walls does not follow its drive as a free one does: it is turned until the image shows it on the wanted
-// side. Once around as it is bent, once around unbent, and then to the best that was seen.
+// side, once around, and then to the best that was seen.
 NavigationAnswer Navigator::startSearch(const NavigationInput& input) {
   state_ = NavigationState::kAiming;
   searching_ = true;
   ++searches_;
   searched_rad_ = best_side_ = 0;
+  steady_frames_ = 0;
   last_roll_rad_ = input.drive.roll_rad;
   return search(input);
 }
@@ -171,11 +186,13 @@ NavigationAnswer Navigator::search(const NavigationInput& input) {
   searched_rad_ += std::abs(input.drive.roll_rad - last_roll_rad_);
   last_roll_rad_ = input.drive.roll_rad;
   const ForkSide side = sideOfForks();
-  if (searched_rad_ > kAround_rad) aim_bend_rad_ = 0;
   best_side_ = std::max(best_side_, side.slope);
-  const bool best = searched_rad_ > 2 * kAround_rad && side.slope >= kOfBest * best_side_;
-  if (isSure(side) || best || searched_rad_ > 3 * kAround_rad) return startCrossing(input, input.drive.bend_rad);
-  return go(input, 0, kSearchSpeed * degToRad(settings_.roll_speed_deg_per_s), aim_bend_rad_);
+  const bool best = searched_rad_ > kAround_rad && side.slope >= kOfBest * best_side_;
+  // One that springs past the wanted side does not stay there.
+  steady_frames_ = best || standsRight(side) ? steady_frames_ + 1 : 0;
+  if (steady_frames_ >= kSteadyFrames || searched_rad_ > 2 * kAround_rad)
+    return startCrossing(input, input.drive.bend_rad);
+  return go(input, 0, steady_frames_ > 0 ? 0.0 : degToRad(settings_.roll_speed_deg_per_s), aim_bend_rad_);
 }
 
 // Whether a belief beside the route is worth going back for.
@@ -185,27 +202,41 @@ bool Navigator::sureOf(const RouteView& view) const {
          (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSureOfWrongBranch);
 }
 
+// Whether the tip is in the branch that was aimed for, and far enough that it stays there.
+bool Navigator::hasEntered(const NavigationInput& input) const {
+  const TipPlace& tip = input.belief->tip;
+  if (!planned_ || !map_.passes(tip.branch, *planned_)) return false;
+  const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
+  const double parted_m = map_.parting_m(*map_.parent(*planned_));
+  if (beyond_m < std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m))
+    return false;
+  return throughProbability(map_, *planned_, *input.belief, 0) >= kEntered ||
+         beyond_m >= parted_m + 1e-3 * settings_.sure_mm;
+}
+
+NavigationAnswer Navigator::enter(const NavigationInput& input, const RouteView& view) {
+  roll_.entered(sidewaysOf(map_, *planned_, target_.branch, 1e-3 * settings_.lever_mm));
+  looked_at_m_.reset();
+  searches_ = 0;
+  asked_for_side_ = false;
+  needed_slope_ = 0;
+  return follow(input, view);
+}
+
 NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView& view) {
+  if (hasEntered(input)) return enter(input, view);
   const TipPlace& tip = input.belief->tip;
   const double lever_m = 1e-3 * settings_.lever_mm;
   const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
   const double parted_m = map_.parting_m(*map_.parent(*planned_));
-  const double through = throughProbability(map_, *planned_, *input.belief, 0);
-  if (map_.passes(tip.branch, *planned_) &&
-      beyond_m >= std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m) &&
-      (through >= kEntered || beyond_m >= parted_m + 1e-3 * settings_.sure_mm)) {
-    roll_.entered(sidewaysOf(map_, *planned_, target_.branch, lever_m));
-    looked_at_m_.reset();
-    searches_ = 0;
-    asked_for_side_ = false;
-    return follow(input, view);
-  }
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
-  if (isLoose() && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide)
+  if (isLoose() && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide) {
+    planNext(aimed_for_.front());
     return startSearch(input);
+  }
   // Back in front of all that was planned, as a catheter that sprang back is.
   const double far_m = 2e-3 * (settings_.aim_mm + settings_.back_mm);
   if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.branch, *planned_))
@@ -214,7 +245,10 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
   const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + 2e-3 * settings_.confirm_mm;
   asked_ahead_ = asked_ahead_ || in_doubt;
   const bool short_ahead = map_.length_m(*planned_) < 1e-3 * settings_.short_mm;
-  NavigationAnswer answer = go(input, (short_ahead ? 0.5e-3 : 1e-3) * settings_.fork_speed_mm_per_s, 0, aim_bend_rad_);
+  // A bent tip may hold in the wall, or beyond the other branch's edge.
+  const bool hooked = isLoose() && since_ && input.drive.insertion_m - since_->first > kHooked_m + slack_m_;
+  NavigationAnswer answer =
+      go(input, pushSpeed((short_ahead ? 0.5 : 1) * settings_.fork_speed_mm_per_s), 0, hooked ? 0.0 : aim_bend_rad_);
   answer.another_view = in_doubt;
   return answer;
 }

@@ -12,6 +12,8 @@ constexpr double kShaftLength_m = 10e-3;  // Over this length it becomes another
 constexpr double kShaftByRoll = 0.1;      // ... and by so much over a radian of roll: a shaft gives way to its tip.
 constexpr double kTurnLength_m = 0.1;     // Over this length the tip turns by about a radian without a command.
 constexpr double kTurnByRoll = 0.15;      // Share of a roll that does not come through, or comes through later.
+constexpr double kLooseRoll_rad = 1.5;    // A loose tip points elsewhere after so much roll of its drive ...
+constexpr double kLooseLength_m = 20e-3;  // ... or when it has slid so far.
 constexpr double kEnteredSigma = 0.7;     // In parts of the usual deflection: a fork takes tips from a wide cone.
 
 constexpr double kMinForeshortening = 0.4;  // Of the vessel's image; below, its direction in the image is mostly noise.
@@ -66,6 +68,19 @@ void TipRoll::move(double roll_rad, double slid_m) {
     P_.row(i) *= shrink;
     P_.col(i) *= shrink;
   }
+}
+
+void TipRoll::moveLoosely(double roll_rad, double slid_m) {
+  const double before = roll_rad_;
+  move(roll_rad, slid_m);
+  // Back by what move() took the tip to have turned with its drive.
+  const double turned = roll_rad_ - before, c = std::cos(turned), s = std::sin(turned);
+  const double keep = std::exp(-std::abs(turned) / kLooseRoll_rad - std::abs(slid_m) / kLooseLength_m);
+  Eigen::Matrix4d kept = Eigen::Matrix4d::Identity();
+  kept.topLeftCorner<2, 2>() << keep * c, keep * s, -keep * s, keep * c;
+  state_ = kept * state_;
+  P_ = kept * P_ * kept.transpose();
+  P_.diagonal().head<2>().array() += (1 - keep * keep) * deflection_ * deflection_;
 }
 
 void TipRoll::bend(double deflection) {

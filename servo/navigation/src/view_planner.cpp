@@ -6,11 +6,17 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "fork_plan.hpp"
 
 namespace angio::navigation {
 namespace {
 
 constexpr double kMinStretch_m = 10e-3;  // A stretch that a view can be chosen for.
+constexpr double kForkWeight = 1.5;     // Of forks that are seen from within their plane, against a vessel seen end-on.
+constexpr double kShownWell = 0.85;     // Of a side of a fork, in the image: more is no better.
+constexpr double kNextForks_m = 30e-3;  // Over this way a fork's weight falls ...
+constexpr double kThisFork_m = 6e-3;    // ... and where the last view did not show the one ahead.
+constexpr double kLever_m = 5.5e-3;     // As the navigator takes a branch's direction.
 
 BestViewSettings searchOf(const ViewPlannerSettings& settings) {
   BestViewSettings search;
@@ -55,13 +61,28 @@ double ViewPlanner::onRoute(const TreeLocation& tip) const {
   return std::min(path_m, target_path_m_);
 }
 
-std::optional<PlannedView> ViewPlanner::next(const TreeLocation& tip, bool in_doubt) {
+// The route's forks from one path length to another.
+std::vector<ViewPlanner::SeenFork> ViewPlanner::forksBetween(double from_m, double to_m) const {
+  std::vector<SeenFork> forks;
+  for (const int branch : map_.pathTo(target_.branch)) {
+    if (map_.start_m(branch) < from_m || map_.start_m(branch) > to_m) continue;
+    const Fork fork = forkAt(map_, branch, target_.branch, kLever_m);
+    const Eigen::Vector2d side = sideTowards(fork);
+    if (side.isZero()) continue;
+    forks.push_back(
+        {fork.frame.along.cross(side.x() * fork.frame.normal + side.y() * fork.frame.binormal), map_.start_m(branch)});
+  }
+  return forks;
+}
+
+std::optional<PlannedView> ViewPlanner::next(const TreeLocation& tip, bool in_doubt, bool loose) {
   const double path_m = onRoute(tip), behind_m = 1e-3 * settings_.behind_mm;
   const bool passed =
       stretch_m_ && stretch_m_->second < target_path_m_ && path_m > stretch_m_->second - 1e-3 * settings_.renew_mm;
   const bool behind = stretch_m_ && path_m < stretch_m_->first;
   if (stretch_m_ && !passed && !behind && !in_doubt) return std::nullopt;
-  const double to_m = std::min(path_m + 1e-3 * settings_.ahead_mm, target_path_m_);
+  const double ahead_m = 1e-3 * (loose ? settings_.loose_ahead_mm : settings_.ahead_mm);
+  const double to_m = std::min(path_m + ahead_m, target_path_m_);
   const double from_m = std::max(0.0, std::min(path_m - behind_m, to_m - kMinStretch_m));
   const EdgePoint first = map_.spot(map_.before(target_, target_path_m_ - from_m));
   const EdgePoint last = map_.spot(map_.before(target_, target_path_m_ - to_m));
@@ -74,6 +95,20 @@ std::optional<PlannedView> ViewPlanner::next(const TreeLocation& tip, bool in_do
              (!scene_.reachable || scene_.reachable(angles));
     };
     if (!anyReachable(scene, settings_)) return std::nullopt;
+  }
+  if (loose) {
+    const double reach_m = in_doubt ? kThisFork_m : kNextForks_m;
+    scene.other_cost = [this, path_m, reach_m,
+                        forks = forksBetween(path_m - kLever_m, to_m)](const ViewAngles& angles) {
+      const Eigen::Vector3d beam = scene_.R_lps_model.transpose() * beamDirection(angles);
+      double cost = 0, weights = 1e-9;
+      for (const SeenFork& fork : forks) {
+        const double weight = std::exp(-std::max(fork.path_m - path_m, 0.0) / reach_m);
+        weights += weight;
+        cost += weight * std::max(0.0, 1 - std::abs(beam.dot(fork.across_model)) / kShownWell);
+      }
+      return kForkWeight * cost / weights;
+    };
   }
   const BestView best = bestView(tree_, segmentBetween(tree_, first.a, last.b), scene, searchOf(settings_));
   scene_.near = best.angles;

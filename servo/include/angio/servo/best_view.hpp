@@ -67,8 +67,9 @@ struct BestView {
 struct BestViewScene {
   Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S from the model's axes.
   double source_isocenter_distance_m = 0.81;
-  ViewAngles near;                                   ///< Where the arm is.
-  std::function<bool(const ViewAngles&)> reachable;  ///< Empty: all within the settings' range are.
+  ViewAngles near;                                      ///< Where the arm is.
+  std::function<bool(const ViewAngles&)> reachable;     ///< Empty: all within the settings' range are.
+  std::function<double(const ViewAngles&)> other_cost;  ///< Of a view, beside ViewCost; empty: none.
 };
 
 /// The scene of an arm: views are reachable within the ranges of its angles and its envelope, and some degrees inside

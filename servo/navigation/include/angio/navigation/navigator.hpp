@@ -51,7 +51,8 @@ struct NavigatorSettings {
   static constexpr double patience_s = 2;         ///< Time of waiting before it pulls back slowly, by `retreat_mm`.
   static constexpr double retreat_mm = 25;
   double max_force_n = 0.8;
-  static constexpr double stall_mm = 12;  ///< Pushed or pulled without motion of the tip: it is at a wall.
+  static constexpr double stall_mm = 12;        ///< Pushed or pulled without motion of the tip: it is at a wall.
+  static constexpr double loose_stall_mm = 25;  ///< The same of a loose catheter, whose shaft snakes in wide vessels.
 
   void visit(SettingsVisitor& v) {
     v.number("tip_length_mm", tip_length_mm, 1, 50,
@@ -103,8 +104,6 @@ struct NavigationAnswer {
 
 struct RouteView;
 
-constexpr double kLoose = 0.4;  ///< Navigator::looseness() above which a tip is steered by what the image shows of it.
-
 /// On which side of a fork the tip stands and points, as a slope towards the wanted branch and away from the next one.
 struct ForkSide {
   double slope = 0;
@@ -135,6 +134,9 @@ class Navigator {
   /// ShaftOffset::looseness().
   double looseness() const { return shaft_.looseness(); }
 
+  /// Whether the tip is steered by what the image shows of it: it lies anywhere in the lumen.
+  bool isLoose() const { return loose_; }
+
   int misses() const { return misses_; }  ///< Wrong branches entered, and walls met.
 
  private:
@@ -152,23 +154,30 @@ class Navigator {
   NavigationAnswer backOff(const NavigationInput& input, const RouteView& view);
   NavigationAnswer miss(const NavigationInput& input, const RouteView& view, const std::string& why);
   NavigationAnswer atFork(const NavigationInput& input, const RouteView& view);
+  double pushSpeed(double speed_mm_per_s) const;
   NavigationAnswer go(const NavigationInput& input, double insertion_m_per_s, double roll_rad_per_s,
                       double bend_rad) const;
   std::optional<std::string> resistance(const NavigationInput& input, double path_m);
   bool sureOf(const RouteView& view) const;
   void observe(const NavigationInput& input, double path_m);
   TipOffset bentOffset() const;
-  bool isLoose() const { return looseness() > kLoose; }
   ForkSide sideOfForks() const;
+  bool standsRight(const ForkSide& side) const;
+  bool showsSideOf(int branch) const;
+  bool hasEntered(const NavigationInput& input) const;
+  NavigationAnswer enter(const NavigationInput& input, const RouteView& view);
   void planNext(int next);
   std::vector<int> closeForks(int next) const;
 
   NavigatorSettings settings_;
   TreeTopology map_;
   TreeLocation target_;
+  std::vector<double> end_radii_m_;  // Of the vessel at each branch's end.
   double free_deflection_;
   TipRoll roll_;
   ShaftOffset shaft_;
+  bool loose_ = false;
+  std::optional<Eigen::Vector2d> observable_axis_;  // Of the last frame with a tip: TipDeflection's.
   NavigationState state_ = NavigationState::kFollowing;
   std::string why_;
   std::int64_t sequence_ = 0;
@@ -188,11 +197,15 @@ class Navigator {
   double aimed_s_ = 0, looked_rad_ = 0, last_roll_rad_ = 0;
   std::optional<double> seen_roll_rad_;      // Of the drive, in the last frame with a tip.
   bool searching_ = false;                   // Turns until the image shows the tip on the right side.
+  int steady_frames_ = 0;                    // In which the tip stood right.
+  double needed_slope_ = 0;                  // To the wanted side, at this fork: more than it was missed at.
+  double crossed_at_ = 0;                    // Slope of the last crossing.
   double searched_rad_ = 0, best_side_ = 0;  // In this search; the best slope of it.
   int searches_ = 0;                         // At this fork, in this try.
   bool asked_for_side_ = false;              // For another view, the same.
   std::optional<double> looked_at_m_;        // Along the path, in this try.
   double back_to_m_ = 0;                     // Path length to pull back to.
+  bool missed_beside_ = false;               // The last miss was one beside the route.
 };
 
 }  // namespace angio::navigation

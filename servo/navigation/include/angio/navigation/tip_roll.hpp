@@ -47,7 +47,11 @@ class TipRoll {
   TipRoll(double deflection, double dead_band_rad);
 
   /// The drive has rolled to `roll_rad`, and the tip has slid by `slid_m` [m] in the vessel.
+  /// Call moveLoosely() instead for a tip between walls, which does not turn as its drive does.
   void move(double roll_rad, double slid_m);
+
+  /// The same of a loose catheter: where its tip pointed is forgotten over the way that it slides and its drive rolls.
+  void moveLoosely(double roll_rad, double slid_m);
 
   /// The drive has bent the tip: `deflection` is now its usual size, as in TipRoll(), positive. A tip that bends more
   /// may be deflected further, so that its deflection is less sure; one that bends less falls back in proportion.

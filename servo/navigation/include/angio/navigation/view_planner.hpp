@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "angio/base/settings.hpp"
 #include "angio/navigation/namespace.hpp"
@@ -12,9 +13,10 @@ namespace angio::navigation {
 
 /// How much of a catheter's route one view must show.
 struct ViewPlannerSettings {
-  double behind_mm = 20;                   ///< From the tip back to the start of the stretch that a view is chosen for.
-  double ahead_mm = 60;                    ///< From the tip to the end of that stretch, which is at the target at most.
-  double renew_mm = 15;                    ///< Distance before that end from which the next view is chosen.
+  double behind_mm = 20;  ///< From the tip back to the start of the stretch that a view is chosen for.
+  double ahead_mm = 60;   ///< From the tip to the end of that stretch, which is at the target at most.
+  static constexpr double loose_ahead_mm = 90;  ///< The same of a loose catheter.
+  double renew_mm = 15;                         ///< Distance before that end from which the next view is chosen.
   static constexpr double other_deg = 30;  ///< If ambiguous, the next view is at least so far from the present one.
   double max_primary_deg = 90;
   double max_secondary_deg = 45;
@@ -38,6 +40,9 @@ struct PlannedView {
 
 /// Chooses a C-arm's views of a catheter on its route: the best view (bestView) of the stretch around its tip.
 ///
+/// A loose catheter is steered by what the image shows of it beside its vessel, so that its views show forks too: they
+/// look across the plane of both branches, of the next fork before all.
+///
 /// A view is kept while the tip stays in its stretch. If it is ambiguous, the best view at least `other_deg` away
 /// replaces it: a vessel that runs along one beam, or behind another vessel, does not in the other.
 class ViewPlanner {
@@ -50,10 +55,16 @@ class ViewPlanner {
   /// when another is needed and none is in reach. The first call always returns one. Throws InputError as bestView().
   ///
   /// @param in_doubt  The present view is ambiguous.
-  std::optional<PlannedView> next(const TreeLocation& tip, bool in_doubt);
+  /// @param loose     Navigator::isLoose().
+  std::optional<PlannedView> next(const TreeLocation& tip, bool in_doubt, bool loose = false);
 
  private:
+  struct SeenFork {
+    Eigen::Vector3d across_model;  // Unit normal of the plane in which both branches leave it.
+    double path_m;
+  };
   double onRoute(const TreeLocation& tip) const;
+  std::vector<SeenFork> forksBetween(double from_m, double to_m) const;
 
   VesselTree tree_;
   TreeTopology map_;
