@@ -60,6 +60,22 @@ def test_two_views_and_uncertainty(phantom):
     assert both.converged and depth_std(both) < 0.5 * depth_std(one)
 
 
+def test_an_image_is_asked_for_expected_vessels(phantom, data):
+    tree, camera, truth = phantom
+    image = angio.read_xray_image(str(data / "static-phantom/frames/im1.png"))
+    extractor, expected = angio.CenterlineExtractor(), angio.projected_centerline(tree, camera, truth)
+    alone, both = extractor.extract(image), extractor.extract(image, expected=expected)
+    # Points without branches are no vessels that could be expected.
+    assert np.array_equal(extractor.extract(image, angio.Centerline2d(expected.points_px)).points_px, alone.points_px)
+
+    def covered(found):
+        distances = np.linalg.norm(expected.points_px[:, None] - found.points_px[None], axis=2)
+        return np.mean(distances.min(axis=1) < 4)
+
+    # A quarter of the phantom holds no contrast agent: what is not there is not found though it is expected.
+    assert covered(alone) + 0.01 < covered(both) < 0.9, (covered(alone), covered(both))
+
+
 def test_the_same_object_registers_again_alike(phantom):
     tree, camera, truth = phantom
     view = angio.XrayView(angio.projected_centerline(tree, camera, truth), camera)

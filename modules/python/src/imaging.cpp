@@ -26,13 +26,17 @@ void bindImaging(py::module_& m) {
            "method"_a = "", "settings"_a = py::none())
       .def(
           "extract",
-          [](GuardedExtractor& extractor, const py::array& image) {
+          [](GuardedExtractor& extractor, const py::array& image, const std::optional<Centerline2d>& expected) {
             const cv::Mat pixels = imageOf(image, "image");
-            return extractor.use([&](auto& e) { return e->extract(pixels); });
+            return extractor.use(
+                [&](auto& e) { return expected ? e->extract(pixels, *expected) : e->extract(pixels); });
           },
           "Ordered branches with tangents and radii [px]; empty when there is no vessel. `image` is height x width of "
-          "uint8 or uint16.",
-          "image"_a);
+          "uint8 or uint16. Vessels may be `expected` [px]: a projected tree whose pose was tracked, in branches. What "
+          "the image shows without them is found first. Where that leaves a part of them without a line, one is fitted "
+          "to the image there, and kept if a vessel's shadow fits it. A method without use for it, or an `expected` "
+          "without branches, finds what it finds without.",
+          "image"_a, "expected"_a = py::none());
   m.def(
       "find_open_field",
       [](const py::array& image) {
