@@ -5,9 +5,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "area_resampler.hpp"
 #include "field_outline.hpp"
 #include "quantile.hpp"
-#include "ridge_filters.hpp"
 #include "xray_image.hpp"
 
 namespace angio::imaging {

@@ -218,7 +218,7 @@ void settleRadii(SkeletonGraph& graph, const cv::Mat& radius) {
       if (r > 0) near.push_back(r);
     }
     if (near.empty()) return;
-    graph.nodes[n].radius = std::max(graph.nodes[n].radius, medianOf(std::move(near)));
+    graph.nodes[n].radius = std::max(graph.nodes[n].radius, medianOf(near));
   };
   for (const Branch& branch : graph.branches) {
     if (!branch.alive) continue;

@@ -22,7 +22,7 @@ double noiseOf(const cv::Mat& contrast) {
   for (int y = 0; y < contrast.rows; y += kSampleStep) {
     for (int x = y % 3; x < contrast.cols; x += kSampleStep) sizes.push_back(std::abs(contrast.at<float>(y, x)));
   }
-  return std::max(1.4826 * medianOf(std::move(sizes)), 1e-6);
+  return std::max(1.4826 * medianOf(sizes), 1e-6);
 }
 
 }  // namespace

@@ -30,8 +30,8 @@ struct Link {
 
 class GapClosing {
  public:
-  GapClosing(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch)
-      : graph_(graph), radius_(radius), max_gap_(max_gap), owner_(scratch) {}
+  GapClosing(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, LineOwners& scratch)
+      : graph_(graph), radius_(radius), max_gap_(max_gap), owners_(scratch) {}
 
   void run() {
     findEnds();
@@ -117,18 +117,14 @@ class GapClosing {
   }
 
   void drawOwners() {
-    owner_.create(radius_.size(), CV_32SC1);
-    owner_.setTo(-1);
+    owners_.clear(radius_.size());
     for (std::size_t b = 0; b < graph_.branches.size(); ++b) draw(static_cast<int>(b));
   }
 
   void draw(int index) {
     const Branch& branch = graph_.branches[index];
     if (!branch.alive) return;
-    for (const cv::Point2f& p : branch.line) {
-      const int x = static_cast<int>(p.x + 0.5f), y = static_cast<int>(p.y + 0.5f);
-      if (x >= 0 && y >= 0 && x < owner_.cols && y < owner_.rows) owner_.at<int>(y, x) = index;
-    }
+    for (const cv::Point2f& p : branch.line) owners_.draw(pixelOf(p), index);
   }
 
   void reachSide(const FreeEnd& end) {
@@ -145,16 +141,19 @@ class GapClosing {
     }
   }
 
+  static cv::Point pixelOf(const cv::Point2f& p) {
+    return {static_cast<int>(p.x + 0.5f), static_cast<int>(p.y + 0.5f)};
+  }
+
   int nearestOwner(const cv::Point2f& p, int own) const {
-    const int x = static_cast<int>(p.x + 0.5f), y = static_cast<int>(p.y + 0.5f);
+    const cv::Point middle = pixelOf(p);
     for (int dy = -1; dy <= 1; ++dy) {
       for (int dx = -1; dx <= 1; ++dx) {
-        if (x + dx < 0 || y + dy < 0 || x + dx >= owner_.cols || y + dy >= owner_.rows) continue;
-        const int owner = owner_.at<int>(y + dy, x + dx);
-        if (owner >= 0 && owner != own) return owner;
+        const int owner = owners_.at(middle + cv::Point(dx, dy));
+        if (owner != LineOwners::kNone && owner != own) return owner;
       }
     }
-    return -1;
+    return LineOwners::kNone;
   }
 
   // Splits the branch that was hit where it was, and leads the end there.
@@ -194,12 +193,12 @@ class GapClosing {
   float max_gap_ = 0;
   std::vector<FreeEnd> ends_;
   std::vector<int> moved_;
-  cv::Mat& owner_;  // CV_32SC1: the branch at a pixel, or -1.
+  LineOwners& owners_;
 };
 
 }  // namespace
 
-void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch) {
+void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, LineOwners& scratch) {
   GapClosing(graph, radius, max_gap, scratch).run();
 }
 

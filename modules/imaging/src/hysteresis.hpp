@@ -13,21 +13,16 @@ namespace angio::imaging {
 /// Connected regions (8 neighbours) of weak and strong pixels with at least one strong pixel.
 class Hysteresis {
  public:
-  /// A mask of this size: CV_8UC1, 255 in the regions that `keep(pixels, strong_pixels)` wants. `classesOf(y)` gives a
-  /// function of x that is 0 outside of all regions, 1 at weak and 2 at strong pixels; it is asked in the `open` part
-  /// of each row. Valid until the next call.
-  template <typename ClassesOf, typename Keep>
-  cv::Mat& operator()(const cv::Size& size, const std::vector<RowRange>& open, const ClassesOf& classesOf,
+  /// A framed mask of this size and its frame: CV_8UC1, 255 in the regions that `keep(pixels, strong_pixels)` wants.
+  /// `classify(y, part, to)` writes the classes of a `part` of a row, which is what is `open` of it, to the row's
+  /// bytes: 1 at weak and 2 at strong pixels; the others are 0 already. Valid until the next call.
+  template <typename Classify, typename Keep>
+  cv::Mat& operator()(const cv::Size& size, const std::vector<RowRange>& open, const Classify& classify,
                       const Keep& keep) {
-    // A frame of one pixel spares the growing of regions its questions about the image's edge.
     const int row = size.width + 2, rows = size.height + 2;
     classes_.create(rows, row, CV_8UC1);
     classes_.setTo(0);
-    for (int y = 0; y < size.height; ++y) {
-      std::uint8_t* to = classes_.ptr(y + 1) + 1;
-      const auto class_of = classesOf(y);
-      for (int x = open[y].begin; x < open[y].end; ++x) to[x] = static_cast<std::uint8_t>(class_of(x));
-    }
+    for (int y = 0; y < size.height; ++y) classify(y, open[y], classes_.ptr(y + 1) + 1);
     // Of the same shape, so that a pixel has the same place in both.
     framed_.create(rows, row, CV_8UC1);
     framed_.setTo(0);
@@ -51,12 +46,11 @@ class Hysteresis {
       if (!keep(region_.size(), strong)) continue;
       for (const int p : region_) framed_.data[p] = 255;
     }
-    mask_ = framed_(cv::Rect(1, 1, size.width, size.height));
-    return mask_;
+    return framed_;
   }
 
  private:
-  cv::Mat classes_, framed_, mask_;
+  cv::Mat classes_, framed_;
   std::vector<int> region_;
 };
 

@@ -54,7 +54,7 @@ float lengthOf(const CentreLine& line) {
 float clarityOf(const CentreLine& line) {
   std::vector<float> clarities(line.line.size());
   for (std::size_t i = 0; i < clarities.size(); ++i) clarities[i] = line.radius[i] / std::max(line.sigma[i], 1e-3f);
-  return medianOf(std::move(clarities));
+  return medianOf(clarities);
 }
 
 float densityOf(const CentreLine& line) { return medianOf(densitiesAlong(line, line.line.size())); }
@@ -69,11 +69,11 @@ float bowOf(const CentreLine& line) {
   return most / std::max(static_cast<float>(cv::norm(chord)), 1e-6f);
 }
 
-float unevennessOf(const CentreLine& line) {
-  const float radius = medianOf(line.radius);
+// About the median radius.
+float unevennessOf(const CentreLine& line, float radius) {
   std::vector<float> off(line.radius);
   for (float& r : off) r = std::abs(r - radius);
-  return medianOf(std::move(off)) / radius;
+  return medianOf(off) / radius;
 }
 
 // What the vessels of an image are like, and how its lines hang together.
@@ -83,8 +83,11 @@ class Surroundings {
     for (const CentreLine& line : lines) {
       boxes_.push_back(cv::boundingRect(line.line));
       lengths_.push_back(lengthOf(line));
+      radii_.push_back(medianOf(line.radius));
+      contrasts_.push_back(medianOf(line.contrast));
     }
     measureVessels();
+    findNear();
     connect();
     measureGroups();
   }
@@ -93,10 +96,10 @@ class Surroundings {
     const CentreLine& line = lines_[i];
     const Group& group = groups_[root_[i]];
     LineEvidence on;
-    on.contrast = medianOf(line.contrast);
+    on.contrast = contrasts_[i];
     on.contrast_part = on.contrast / strong_contrast_;
     on.density_part = densityOf(line) / usual_density_;
-    on.is_wide = isWide(line);
+    on.is_wide = isWide(i);
     on.stands_alone = !isBranch(i);
     on.terms = {std::log(std::clamp(clarityOf(line), kMinClarity, kMaxClarity)),
                 std::log(std::clamp(on.contrast_part, kMinContrast, kMaxContrast)),
@@ -105,7 +108,7 @@ class Surroundings {
                 std::log(std::max(group.gap / side_, kMinGap) / kUsualGap),
                 std::log(treeGapOf(i) / side_ / kSmallGap + 1),
                 logBowOf(i),
-                std::log(unevennessOf(line) + kEven),
+                std::log(unevennessOf(line, radii_[i]) + kEven),
                 std::log(std::clamp(line.step, kMinStep, kMaxStep))};
     return on;
   }
@@ -116,13 +119,14 @@ class Surroundings {
     float shown = 0;  // Length by contrast.
   };
 
-  bool isWide(const CentreLine& line) const { return medianOf(line.radius) > kWide * side_; }
+  bool isWide(std::size_t i) const { return radii_[i] > kWide * side_; }
 
   void measureVessels() {
     std::vector<float> contrasts, wide_contrasts, densities;
-    for (const CentreLine& line : lines_) {
+    for (std::size_t i = 0; i < lines_.size(); ++i) {
+      const CentreLine& line = lines_[i];
       if (line.kind == CurveKind::kDevice) continue;
-      std::vector<float>& among = isWide(line) ? wide_contrasts : contrasts;
+      std::vector<float>& among = isWide(i) ? wide_contrasts : contrasts;
       among.insert(among.end(), line.contrast.begin(), line.contrast.end());
       const std::vector<float> own = densitiesAlong(line, line.line.size());
       densities.insert(densities.end(), own.begin(), own.end());
@@ -132,14 +136,15 @@ class Surroundings {
     }
     if (contrasts.empty()) return;
     strong_contrast_ = std::max(quantileOf(contrasts, kFainter), 1e-9f);
-    usual_density_ = std::max(medianOf(std::move(densities)), 1e-9f);
+    usual_density_ = std::max(medianOf(densities), 1e-9f);
   }
 
   void connect() {
     Groups groups(lines_.size());
-    for (int own = 0; own < static_cast<int>(lines_.size()); ++own) {
-      for (int other = 0; other < static_cast<int>(lines_.size()); ++other) {
-        if (groups.of(own) != groups.of(other) && endDistance(own, other, kJoined) < kJoined) groups.join(own, other);
+    for (std::size_t own = 0; own < lines_.size(); ++own) {
+      for (const std::size_t other : near_[own]) {
+        const int a = static_cast<int>(own), b = static_cast<int>(other);
+        if (groups.of(a) != groups.of(b) && endDistance(own, other, kJoined) < kJoined) groups.join(a, b);
       }
     }
     for (int i = 0; i < static_cast<int>(lines_.size()); ++i) root_.push_back(static_cast<std::size_t>(groups.of(i)));
@@ -151,7 +156,7 @@ class Surroundings {
       Group& group = groups_[root_[i]];
       group.length += lengths_[i];
       if (lines_[i].kind == CurveKind::kDevice) continue;
-      group.shown += lengths_[i] * std::min(medianOf(lines_[i].contrast) / strong_contrast_, 1.0f);
+      group.shown += lengths_[i] * std::min(contrasts_[i] / strong_contrast_, 1.0f);
       if (group.shown > groups_[tree_].shown) tree_ = root_[i];
     }
     for (std::size_t own = 0; own < lines_.size(); ++own) {
@@ -172,14 +177,31 @@ class Surroundings {
     return gap;
   }
 
+  // Whether a place may be that near to a line.
+  bool isNear(const cv::Point2f& p, std::size_t other, float most) const {
+    const cv::Rect2f& box = boxes_[other];
+    return p.x >= box.x - most && p.x <= box.x + box.width + most && p.y >= box.y - most &&
+           p.y <= box.y + box.height + most;
+  }
+
+  // Which others each line's ends may be near to: most are not.
+  void findNear() {
+    static_assert(kHolds <= kJoined);
+    near_.resize(lines_.size());
+    for (std::size_t own = 0; own < lines_.size(); ++own) {
+      const cv::Point2f &first = lines_[own].line.front(), &last = lines_[own].line.back();
+      for (std::size_t other = 0; other < lines_.size(); ++other) {
+        if (other != own && (isNear(first, other, kJoined) || isNear(last, other, kJoined))) {
+          near_[own].push_back(other);
+        }
+      }
+    }
+  }
+
   // From an end of a line to another line; `most` where it is no less.
   float endDistance(std::size_t own, std::size_t other, float most) const {
-    const cv::Rect2f box = boxes_[other];
     for (const cv::Point2f& end : {lines_[own].line.front(), lines_[own].line.back()}) {
-      if (end.x < box.x - most || end.x > box.x + box.width + most || end.y < box.y - most ||
-          end.y > box.y + box.height + most) {
-        continue;
-      }
+      if (!isNear(end, other, most)) continue;
       float least2 = most * most;
       for (const cv::Point2f& p : lines_[other].line) least2 = std::min(least2, (p - end).dot(p - end));
       most = std::sqrt(least2);
@@ -188,10 +210,8 @@ class Surroundings {
   }
 
   bool isBranch(std::size_t own) const {
-    for (std::size_t other = 0; other < lines_.size(); ++other) {
-      if (other != own && endDistance(own, other, kHolds) < kHolds) return true;
-    }
-    return false;
+    return std::any_of(near_[own].begin(), near_[own].end(),
+                       [&](std::size_t other) { return endDistance(own, other, kHolds) < kHolds; });
   }
 
   // 0 for a line that bends as vessels do.
@@ -202,8 +222,9 @@ class Surroundings {
 
   const std::vector<CentreLine>& lines_;
   float side_;
-  std::vector<cv::Rect> boxes_;
-  std::vector<float> lengths_;
+  std::vector<cv::Rect2f> boxes_;
+  std::vector<float> lengths_, radii_, contrasts_;  // Medians.
+  std::vector<std::vector<std::size_t>> near_;
   float strong_contrast_ = 1, usual_density_ = 1;
   std::vector<std::size_t> root_;  // Of each line, the one that stands for its group.
   std::vector<Group> groups_;      // At the roots.

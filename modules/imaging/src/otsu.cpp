@@ -3,9 +3,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "angio/imaging/thinning.hpp"
 #include "centre_lines.hpp"
 #include "flatten.hpp"
+#include "framed_masks.hpp"
 #include "hysteresis.hpp"
 #include "make_extractors.hpp"
 #include "skeleton_graph.hpp"
@@ -66,16 +66,18 @@ class Segmentation {
         plain ? otsu : static_cast<float>(std::max(settings_.branch_contrast * otsu, settings_.faintest_absorption));
     const float strong_factor = plain ? 0 : static_cast<float>(settings_.noise_factor),
                 weak_factor = kWeakNoise * strong_factor;
-    const auto classesOf = [&](int y) {
-      return [=, value = image.absorption.ptr<float>(y), noise = image.noise.ptr<float>(y)](int x) {
-        return (value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
-               (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0);
-      };
+    const auto classify = [&](int y, const RowRange& part, std::uint8_t* to) {
+      const float *value = image.absorption.ptr<float>(y), *noise = image.noise.ptr<float>(y);
+      for (int x = part.begin; x < part.end; ++x) {
+        to[x] = (value[x] > std::max(weakest, weak_factor * noise[x]) ? 1 : 0) +
+                (value[x] > std::max(weakest, strong_factor * noise[x]) ? 1 : 0);
+      }
     };
     const double area = settings_.min_area_px / (scale * scale);
     const auto smallest = static_cast<std::size_t>(std::ceil(area));
-    mask_ =
-        regions_(image.absorption.size(), open, classesOf, [&](std::size_t pixels, int) { return pixels >= smallest; });
+    const cv::Size size = image.absorption.size();
+    const cv::Mat& framed = regions_(size, open, classify, [&](std::size_t pixels, int) { return pixels >= smallest; });
+    mask_ = framed(cv::Rect(1, 1, size.width, size.height));
     closeHoles(static_cast<int>(area));
     return &mask_;
   }
@@ -137,8 +139,9 @@ class OtsuExtractor final : public CenterlineExtractor {
     const int margin = static_cast<int>(std::ceil(widest / scale)) + 2;
     cv::copyMakeBorder(*mask, skeleton_, margin, margin, margin, margin, cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
     cv::distanceTransform(skeleton_, distance_, cv::DIST_L2, cv::DIST_MASK_3);
-    thin(skeleton_);
-    SkeletonGraph graph = traceSkeleton(skeleton_, distance_);
+    cv::copyMakeBorder(skeleton_, framed_, 1, 1, 1, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
+    thinFramed(framed_);
+    SkeletonGraph graph = traceSkeleton(framed_, distance_);
     prune(graph, distance_, {static_cast<float>(settings_.min_branch_px) / scale});
     const float blur = static_cast<float>(settings_.smoothing_px) / scale;
     return sampled(centreLines(graph, {flat.absorption, flat.background, distance_, margin}, blur), grid,
@@ -149,7 +152,7 @@ class OtsuExtractor final : public CenterlineExtractor {
   OtsuSettings settings_;
   Flattening flattening_;
   Segmentation segmentation_;
-  cv::Mat skeleton_, distance_;
+  cv::Mat skeleton_, framed_, distance_;
 };
 
 }  // namespace

@@ -9,7 +9,8 @@
 
 namespace angio::imaging {
 
-/// A grey image in floating point whose rows can be written a whole vector past their end. It keeps its memory when it
+/// A grey image in floating point whose rows can be written a whole vector past their end, and read from the pixel
+/// before them. It keeps its memory when it
 /// becomes smaller.
 class Plane {
  public:
@@ -19,19 +20,17 @@ class Plane {
     width_ = new_width;
     height_ = new_height;
     stride_ = (new_width + kSlack - 1) / kSlack * kSlack;
-    const std::size_t wanted = static_cast<std::size_t>(stride_) * new_height + 2 * kSlack;
-    if (values_.size() < wanted) values_.resize(wanted);
+    const std::size_t wanted = (static_cast<std::size_t>(stride_) * new_height + 3 * kSlack) / kOfLine;
+    if (lines_.size() < wanted) lines_.resize(wanted);
   }
 
   int width() const { return width_; }
   int height() const { return height_; }
-  float* row(int y) { return values_.data() + static_cast<std::size_t>(y) * stride_; }
-  const float* row(int y) const { return values_.data() + static_cast<std::size_t>(y) * stride_; }
+  float* row(int y) { return first() + static_cast<std::ptrdiff_t>(y) * stride_; }
+  const float* row(int y) const { return first() + static_cast<std::ptrdiff_t>(y) * stride_; }
 
   /// The same pixels as OpenCV sees them; nothing is copied.
-  cv::Mat mat() {
-    return {height_, width_, CV_32FC1, values_.data(), static_cast<std::size_t>(stride_) * sizeof(float)};
-  }
+  cv::Mat mat() { return {height_, width_, CV_32FC1, first(), static_cast<std::size_t>(stride_) * sizeof(float)}; }
 
   const cv::Mat mat() const { return const_cast<Plane*>(this)->mat(); }
 
@@ -59,7 +58,18 @@ class Plane {
   }
 
  private:
-  std::vector<float> values_;
+  // Rows begin with a cache line, so that no vector of a row lies on two.
+  static constexpr int kOfLine = 16;
+  struct alignas(kOfLine * sizeof(float)) CacheLine {
+    float values[kOfLine];
+  };
+  static_assert(kSlack % kOfLine == 0);
+
+  // A pixel before the first row can be read.
+  float* first() { return lines_[1].values; }
+  const float* first() const { return lines_[1].values; }
+
+  std::vector<CacheLine> lines_ = std::vector<CacheLine>(2);
   int width_ = 0, height_ = 0, stride_ = 0;
 };
 

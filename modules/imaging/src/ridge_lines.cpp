@@ -169,7 +169,7 @@ void RidgeFitting::findEnds(Fitted& line) {
       if (points[place(i)].valid) contrasts.push_back(points[place(i)].contrast);
     }
     if (contrasts.size() < kFewFits) return std::ptrdiff_t{0};
-    const float middle = medianOf(std::move(contrasts));
+    const float middle = medianOf(contrasts);
     const auto fits = [&](std::ptrdiff_t i) {
       const Point& p = points[place(i) - place(i) % kFitEvery];
       return p.valid && p.contrast > tail * middle;

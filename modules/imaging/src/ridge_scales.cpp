@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
-
-#include "quantile.hpp"
+#include <opencv2/core.hpp>
 
 namespace angio::imaging {
 
@@ -31,12 +29,8 @@ constexpr float kReach = 0.5f, kMinReach = 0.75f;
 constexpr std::size_t kSharper = 2;
 constexpr float kNearFiner = 1.2f;
 
-// Noise is measured in blocks of this many pixels of the level at least, at some of them, by a quantile that
-// vessels do not reach unless they cover half of the block. The two deviators of the second derivatives are independent
-// and normal in noise, so that their length is Rayleigh's.
-constexpr int kBlock = 32, kEvery = 3, kSparseBlock = 64, kSparse = 6;  // The finest level has many pixels.
-constexpr float kQuantile = 0.4f, kRayleigh = 1.0108f;
-constexpr float kBendPerDeviator = 1.7320508f;  // Standard deviation of the bend across, in the deviators'.
+// The finest level has many pixels.
+constexpr NoiseSampling kSampling{32, 3}, kSparseSampling{64, 6};
 
 // Standard deviation of white noise under a Gaussian filter, in that of its bend times the filter's variance.
 constexpr float kValuePerBend = 1.1547005f;
@@ -51,31 +45,48 @@ RidgeScales::RidgeScales(float max_radius) {
       ++level;
     }
     const float own = sigma / static_cast<float>(1 << level);
-    scales_.push_back({level, sigma, own, GaussianFilter(std::sqrt(own * own - blurred)), {}, {}, {}, {}});
+    scales_.push_back({level, sigma, own, gaussianFilter(std::sqrt(own * own - blurred)), {}, {}, {}, {}, {}});
     if (sigma >= kScaleOfRadius * max_radius) break;
   }
   levels_.resize(static_cast<std::size_t>(level) + 1);
 }
 
-void RidgeScales::analyse(const Plane& absorption, const RidgeThresholds& thresholds) {
-  for (std::size_t l = 1; l < levels_.size(); ++l)
-    halve(l == 1 ? absorption : levels_[l - 1].absorption, levels_[l].absorption, buffer_);
+void RidgeScales::analyse(const Plane& absorption, const RowsBefore& makeRows, const RidgeThresholds& thresholds) {
+  smooth(absorption, 0, makeRows);
+  for (int level = 1; level < static_cast<int>(levels_.size()); ++level) {
+    smooth(levels_[level].absorption, level, [](int) {});
+  }
   for (std::size_t k = 0; k < scales_.size(); ++k) {
     Scale& scale = scales_[k];
-    const Plane& level = scale.level == 0 ? absorption : levels_[scale.level].absorption;
-    scale.filter(level, scale.smoothed);
-    measureNoise(scale);
+    scale.sampled.finish(scale.level_std, scale.noise);
     scale.least = cv::max(thresholds.noise_factor * scale.noise, thresholds.faintest);
-    const float reach = std::max(kMinReach, kReach * scale.level_std);
-    ridgeStrength(scale.smoothed, scale.level_std, reach, scale.least, scale.strength);
     gatherFiner(static_cast<int>(k));
-    keepLines(static_cast<int>(k));
+    findLines(static_cast<int>(k));
   }
-  for (int level = static_cast<int>(levels_.size()) - 1; level >= 0; --level) {
-    Level& own = levels_[level];
-    const Plane& size = level == 0 ? absorption : own.absorption;
-    for (Plane* plane : {&own.strongest, &own.widest, &own.salience}) plane->resize(size.width(), size.height());
-    gather(level);
+  for (int level = static_cast<int>(levels_.size()) - 1; level >= 0; --level) gather(level);
+}
+
+// All that is made of a level's rows is made while they are at hand: memory is what passes over images wait for.
+void RidgeScales::smooth(const Plane& image, int level, const RowsBefore& makeRows) {
+  const int height = image.height();
+  Plane* const next = level + 1 < static_cast<int>(levels_.size()) ? &levels_[level + 1].absorption : nullptr;
+  if (next != nullptr) next->resize((image.width() + 1) / 2, (height + 1) / 2);
+  std::vector<Scale*> own;
+  int reach = next != nullptr ? Halving::kReach : 0;
+  for (Scale& scale : scales_) {
+    if (scale.level != level) continue;
+    scale.smoothed.resize(image.width(), height);
+    scale.sampled.begin({image.width(), height}, level == 0 ? kSparseSampling : kSampling);
+    reach = std::max(reach, scale.filter.reach());
+    own.push_back(&scale);
+  }
+  for (int y = 0; y < height; ++y) {
+    makeRows(std::min(height, y + reach + 1));
+    for (Scale* scale : own) {
+      scale->filter.row(image, y, scale->smoothed.row(y));
+      if (y >= 2) scale->sampled.addRow(scale->smoothed, y - 1);
+    }
+    if (next != nullptr && y % 2 == 0) halving_.row(image, y, next->row(y / 2));
   }
 }
 
@@ -84,21 +95,20 @@ void RidgeScales::gatherFiner(int index) {
   if (index < static_cast<int>(kSharper)) return;
   const Scale& scale = scales_[index];
   const Scale& next = scales_[index - kSharper];
+  const Plane* fresh = &next.strength.plane();
   for (int l = next.level; l < scale.level; ++l) {
-    halveToMax(l == next.level ? next.strength.mat() : levels_[l].pooled, levels_[l + 1].pooled, scratch_);
+    Plane& pooled = levels_[l + 1].pooled;
+    l == next.level ? largest_.halve(next.strength, pooled) : largest_.halve(*fresh, pooled);
+    fresh = &pooled;
   }
   Level& level = levels_[scale.level];
-  const cv::Mat fresh = next.level < scale.level ? level.pooled : next.strength.mat();
   if (index == static_cast<int>(kSharper)) {
-    fresh.copyTo(level.finer);
+    level.finer = *fresh;
   } else {
-    for (int l = scales_[index - 1].level; l < scale.level; ++l) {
-      halveToMax(levels_[l].finer, levels_[l + 1].finer, scratch_);
-    }
-    cv::max(level.finer, fresh, level.finer);
+    for (int l = scales_[index - 1].level; l < scale.level; ++l) largest_.halve(levels_[l].finer, levels_[l + 1].finer);
+    takeLarger(*fresh, level.finer);
   }
-  const int reach = static_cast<int>(std::lround(kNearFiner * scale.level_std));
-  cv::dilate(level.finer, level.near_finer, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+  largest_.spread(level.finer, static_cast<int>(std::lround(kNearFiner * scale.level_std)), level.near_finer);
 }
 
 ScaleImage RidgeScales::imageUpTo(float sigma) const {
@@ -123,49 +133,19 @@ void RidgeScales::gather(int level) {
   for (const Scale& scale : scales_) {
     if (scale.level == level) own.push_back({scale.strength, scale.noise, scale.sigma / kScaleOfRadius});
   }
-  if (level + 1 < static_cast<int>(levels_.size())) {
-    const StrongestLines coarser = linesOf(level + 1);
-    takeStronger(&coarser, own, linesOf(level));
-  } else {
-    takeStronger(nullptr, own, linesOf(level));
-  }
+  const bool is_last = level + 1 == static_cast<int>(levels_.size());
+  takeStronger(is_last ? nullptr : &levels_[level + 1].strongest, own, levels_[level].strongest);
 }
 
-void RidgeScales::measureNoise(Scale& scale) {
-  const Plane& image = scale.smoothed;
-  const int block = scale.level == 0 ? kSparseBlock : kBlock, every = scale.level == 0 ? kSparse : kEvery;
-  const int rows = std::max(1, image.height() / block), cols = std::max(1, image.width() / block);
-  const float sigma2 = scale.level_std * scale.level_std;
-  scale.noise.create(rows, cols, CV_32F);
-  for (int by = 0; by < rows; ++by) {
-    for (int bx = 0; bx < cols; ++bx) {
-      sample_.clear();
-      const int x0 = std::max(1, bx * image.width() / cols),
-                x1 = std::min(image.width() - 1, (bx + 1) * image.width() / cols);
-      const int y1 = std::min(image.height() - 1, (by + 1) * image.height() / rows);
-      for (int y = std::max(1, by * image.height() / rows); y < y1; y += every) {
-        const float *above = image.row(y - 1), *here = image.row(y), *below = image.row(y + 1);
-        for (int x = x0; x < x1; x += every) {
-          const float difference = 0.5f * (here[x - 1] + here[x + 1] - above[x] - below[x]);
-          const float xy = 0.25f * (above[x - 1] + below[x + 1] - above[x + 1] - below[x - 1]);
-          sample_.push_back(difference * difference + xy * xy);
-        }
-      }
-      const float square = valueAt(static_cast<std::size_t>(kQuantile * static_cast<float>(sample_.size())), sample_);
-      scale.noise.at<float>(by, bx) = kBendPerDeviator * sigma2 * std::sqrt(square) / kRayleigh;
-    }
-  }
-  cv::medianBlur(scale.noise, scale.noise, 3);
-}
-
-void RidgeScales::keepLines(int index) {
+void RidgeScales::findLines(int index) {
   Scale& scale = scales_[index];
+  const float reach = std::max(kMinReach, kReach * scale.level_std);
   const SmoothedImage image{scale.smoothed, scale.level_std};
-  if (index < static_cast<int>(kSharper)) return flanks_(image, nullptr, scale.strength);
+  if (index < static_cast<int>(kSharper)) return finder_(image, reach, scale.least, nullptr, scale.strength);
   const Scale& finer = scales_[index - kSharper];
   const float per_pixel = static_cast<float>(1 << scale.level) / static_cast<float>(1 << finer.level);
   const FinerImages images{finer.smoothed, per_pixel, levels_[scale.level].near_finer};
-  flanks_(image, &images, scale.strength);
+  finder_(image, reach, scale.least, &images, scale.strength);
 }
 
 }  // namespace angio::imaging

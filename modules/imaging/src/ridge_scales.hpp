@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <functional>
 #include <vector>
 
+#include "block_noise.hpp"
+#include "finer_lines.hpp"
+#include "ridge_classes.hpp"
 #include "ridge_filters.hpp"
 #include "ridge_levels.hpp"
+#include "scale_lines.hpp"
 
 namespace angio::imaging {
 
@@ -28,16 +33,23 @@ class RidgeScales {
   /// For vessels up to this radius.
   explicit RidgeScales(float max_radius);
 
-  /// Analyses an absorption image. What it gives is valid until the next call.
-  void analyse(const Plane& absorption, const RidgeThresholds& thresholds);
+  /// Makes an image's rows before this one, as far as they are not made.
+  using RowsBefore = std::function<void(int end)>;
 
-  const Plane& strength() const {
-    return levels_[0].strongest;
-  }                                                          ///< sigma^2 times the curvature; 0 where there is no line.
-  const Plane& radius() const { return levels_[0].widest; }  ///< Of a vessel that answers most at the scale that won.
-  cv::Mat radiusMat() { return levels_[0].widest.mat(); }
-  cv::Mat salienceMat() { return levels_[0].salience.mat(); }
-  const Plane& salience() const { return levels_[0].salience; }  ///< Strength as a multiple of the noise at its scale.
+  /// Analyses an absorption image, whose rows are made as they are needed. What it gives is valid until the next call.
+  void analyse(const Plane& absorption, const RowsBefore& makeRows, const RidgeThresholds& thresholds);
+
+  /// sigma^2 times the curvature; 0 where there is no line.
+  const LinePlane& strength() const { return levels_[0].strongest.strength; }
+  /// Of a vessel that answers most at the scale that won.
+  const Plane& radius() const { return levels_[0].strongest.radius.plane(); }
+  const cv::Mat radiusMat() const { return levels_[0].strongest.radius.mat(); }
+  /// Strength as a multiple of the noise at its scale.
+  const cv::Mat salienceMat() const { return levels_[0].strongest.salience.mat(); }
+  LinePixels pixelsOf(int y) const {
+    const StrongestLines& lines = levels_[0].strongest;
+    return {lines.strength.row(y), lines.salience.row(y), lines.strength.marks(y), lines.strength.width()};
+  }
 
   /// The coarsest image whose filter is not wider than `sigma`, or the finest.
   ScaleImage imageUpTo(float sigma) const;
@@ -51,29 +63,28 @@ class RidgeScales {
     int level = 0;        // Halvings of the image.
     float sigma = 1;      // [working px]
     float level_std = 1;  // [pixels of the level]
-    GaussianFilter filter;
-    Plane smoothed, strength;
+    RowFilter filter;
+    Plane smoothed;
+    BlockNoise sampled;
+    LinePlane strength;
     cv::Mat noise, least;  // CV_32FC1, a value a block.
   };
 
   struct Level {
-    Plane absorption, strongest, widest, salience;
-    cv::Mat finer, near_finer, pooled;
+    Plane absorption, finer, near_finer, pooled;
+    StrongestLines strongest;
   };
 
-  void measureNoise(Scale& scale);
   void gatherFiner(int index);
-  void keepLines(int index);
+  void findLines(int index);
+  void smooth(const Plane& image, int level, const RowsBefore& makeRows);
   void gather(int level);
-  StrongestLines linesOf(int level) {
-    return {levels_[level].strongest, levels_[level].widest, levels_[level].salience};
-  }
 
   std::vector<Scale> scales_;
-  RidgeFlanks flanks_;
+  ScaleLineFinder finder_;
+  LargestNear largest_;
   std::vector<Level> levels_;
-  Plane buffer_;
-  std::vector<float> sample_, scratch_;
+  Halving halving_;
 };
 
 }  // namespace angio::imaging

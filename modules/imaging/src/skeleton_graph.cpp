@@ -8,6 +8,8 @@
 #include <opencv2/core.hpp>
 #include <unordered_map>
 
+#include "framed_masks.hpp"
+
 namespace angio::imaging {
 namespace {
 
@@ -22,9 +24,8 @@ float distanceBetween(const cv::Point2f& a, const cv::Point2f& b) { return stati
 
 class Tracer {
  public:
-  Tracer(const cv::Mat& skeleton, const cv::Mat& distance) : distance_(distance) {
-    cv::copyMakeBorder(skeleton, framed_, 1, 1, 1, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
-    row_ = framed_.cols;
+  Tracer(cv::Mat& framed, const cv::Mat& distance) : distance_(distance), framed_(framed) {
+    row_ = static_cast<int>(framed_.step);
     // The four straight neighbours come first, so that a walk does not cut the corner of a stair.
     around_ = {1, -row_, -1, row_, 1 - row_, -1 - row_, row_ - 1, row_ + 1};
     pixel_ = framed_.ptr();
@@ -61,17 +62,13 @@ class Tracer {
   cv::Point2f positionOf(int p) const { return {static_cast<float>(p % row_ - 1), static_cast<float>(p / row_ - 1)}; }
 
   void classify() {
-    for (int y = 1; y + 1 < framed_.rows; ++y) {
-      for (int x = 1; x + 1 < framed_.cols; ++x) {
-        const int p = y * row_ + x;
-        if (pixel_[p] == 0) continue;
-        pixel_[p] = kLine;
-        const int count = neighbours(p);
-        if (count == 0) pixel_[p] = 0;
-        if (count >= 3) junctions_.push_back(p);
-        if (count == 1 || count == 2) line_pixels_.push_back(p);
-      }
-    }
+    forEachSet(framed_, [&](std::uint8_t* pixel) {
+      *pixel = kLine;
+      const int p = static_cast<int>(pixel - pixel_), count = neighbours(p);
+      if (count == 0) *pixel = 0;
+      if (count >= 3) junctions_.push_back(p);
+      if (count == 1 || count == 2) line_pixels_.push_back(p);
+    });
     for (const int p : junctions_) pixel_[p] = kJunction;
   }
 
@@ -130,7 +127,7 @@ class Tracer {
   }
 
   const cv::Mat& distance_;
-  cv::Mat framed_;
+  cv::Mat& framed_;
   int row_ = 0;
   std::array<int, 8> around_{};
   std::uint8_t* pixel_ = nullptr;
@@ -181,9 +178,7 @@ Sums sumsOf(const SkeletonGraph& graph, const Branch& branch, const cv::Mat& sal
 
 }  // namespace
 
-SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance) {
-  return Tracer(skeleton, distance).trace();
-}
+SkeletonGraph traceSkeleton(cv::Mat& framed, const cv::Mat& distance) { return Tracer(framed, distance).trace(); }
 
 float lengthOf(const SkeletonGraph& graph, const Branch& branch) {
   float length = 0;

@@ -59,18 +59,52 @@ struct PruningRules {
   float min_branch = 0;  ///< Of a branch with a free end, from the wall of the vessel it leaves.
 };
 
-/// Orders the pixels of a one-pixel-wide skeleton (CV_8UC1) into branches. Neighbouring junction pixels are one node.
-/// `distance` (CV_32FC1) is each pixel's distance to the mask's edge.
-SkeletonGraph traceSkeleton(const cv::Mat& skeleton, const cv::Mat& distance);
+/// Orders the pixels of a one-pixel-wide skeleton (a framed mask, which is used up) into branches. Neighbouring
+/// junction pixels are one node. `distance` (CV_32FC1, without the frame) is each pixel's distance to the mask's edge.
+SkeletonGraph traceSkeleton(cv::Mat& framed, const cv::Mat& distance);
 
 /// Takes away what thinning adds to a vessel: spurs, tiny rings, and the short bridge that makes two junctions of one
 /// crossing. Branches that are left alone at a node become one. Removed branches are no longer `alive`.
 void prune(SkeletonGraph& graph, const cv::Mat& distance, const PruningRules& rules);
 
+/// The branch that was drawn at each pixel of an image. What was drawn is taken away again pixel by pixel: lines are
+/// few of an image's pixels.
+class LineOwners {
+ public:
+  static constexpr int kNone = -1;
+
+  /// Nothing is drawn on an image of this size.
+  void clear(const cv::Size& size) {
+    if (owner_.size() == size) {
+      for (const cv::Point& p : drawn_) owner_.at<int>(p) = kNone;
+    } else {
+      owner_.create(size, CV_32SC1);
+      owner_.setTo(kNone);
+    }
+    drawn_.clear();
+  }
+
+  /// Draws a pixel, unless it lies beyond the edge.
+  void draw(const cv::Point& p, int branch) {
+    if (!contains(p)) return;
+    owner_.at<int>(p) = branch;
+    drawn_.push_back(p);
+  }
+
+  /// kNone beyond the edge, too.
+  int at(const cv::Point& p) const { return contains(p) ? owner_.at<int>(p) : kNone; }
+
+ private:
+  bool contains(const cv::Point& p) const { return p.x >= 0 && p.y >= 0 && p.x < owner_.cols && p.y < owner_.rows; }
+
+  cv::Mat owner_;  // CV_32SC1
+  std::vector<cv::Point> drawn_;
+};
+
 /// Joins free ends that look at each other along one line over a gap of at most `max_gap`, and a free end with the
 /// side of a branch that it points at. `radius` (CV_32FC1) is the vessels' at each pixel. `scratch` is memory that may
 /// be kept between calls.
-void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, cv::Mat& scratch);
+void closeGaps(SkeletonGraph& graph, const cv::Mat& radius, float max_gap, LineOwners& scratch);
 
 /// Gives each node the radius of the widest of its branches a little away from it: within a junction all scales of a
 /// scale space answer.

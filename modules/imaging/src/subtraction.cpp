@@ -73,7 +73,7 @@ double disagreement(const cv::Mat& live, const cv::Mat& mask) {
     for (int x = 0; x < a.cols; x += stride(live))
       differences.push_back(std::abs(a.at<float>(y, x) - b.at<float>(y, x)));
   }
-  return medianOf(std::move(differences));
+  return medianOf(differences);
 }
 
 // One step of Gauss and Newton with Tukey's weights.

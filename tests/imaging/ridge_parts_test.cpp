@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What the ridge extractor's passes over images are made of, against slower ways to the same numbers.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "angio/imaging/extractor.hpp"
+#include "angio/test/namespace.hpp"
+#include "angio/test/random.hpp"
+#include "finer_lines.hpp"
+#include "line_metrics.hpp"
+#include "quantile.hpp"
+
+namespace angio::test {
+namespace {
+
+TEST(Quantile, IsWhatSortingFinds) {
+  test::Random random(1);
+  for (int count = 1; count < 70; ++count) {
+    std::vector<float> values;
+    // Ties, zeros and both signs, from very small to large.
+    for (int i = 0; i < count; ++i) {
+      const double size = std::pow(10.0, random.uniform(-20, 5)) * (random.uniform(0, 1) < 0.5 ? -1 : 1);
+      values.push_back(i % 5 == 4 ? values[i / 2] : i % 7 == 3 ? 0.0f : static_cast<float>(size));
+    }
+    std::vector<float> sorted = values;
+    std::sort(sorted.begin(), sorted.end());
+    for (int place = 0; place < count; ++place) {
+      ASSERT_EQ(imaging::valueAt(static_cast<std::size_t>(place), values), sorted[place]) << count;
+    }
+  }
+}
+
+// Lines in some rows of an image whose size fills no vectors, and other lines in the next image.
+TEST(LargestNear, IsWhatOpenCvsDilationFinds) {
+  imaging::LinePlane lines;
+  imaging::Plane dense, halved, halved_lines, spread;
+  imaging::LargestNear largest;
+  test::Random random(2);
+  const cv::Size size(83, 47);
+  lines.resize(size.width, size.height);
+  dense.resize(size.width, size.height);
+  for (int frame = 0; frame < 2; ++frame) {
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        const bool is_line = (x / imaging::LinePlane::kBlock + y) % 5 == frame;
+        lines.marks(y)[x / imaging::LinePlane::kBlock] = is_line ? 1 : 0;
+        dense.row(y)[x] = lines.row(y)[x] = is_line ? static_cast<float>(random.uniform(0, 1)) : 0;
+      }
+    }
+    for (const int reach : {1, 2, 3}) {
+      cv::Mat expected;
+      cv::dilate(dense.mat(), expected, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+      largest.spread(dense, reach, spread);
+      EXPECT_EQ(cv::norm(spread.mat(), expected, cv::NORM_INF), 0) << reach;
+      if (reach > 1) continue;
+      largest.halve(dense, halved);
+      largest.halve(lines, halved_lines);
+      for (int y = 0; y < halved.height(); ++y) {
+        for (int x = 0; x < halved.width(); ++x) {
+          ASSERT_EQ(halved.row(y)[x], expected.at<float>(2 * y, 2 * x));
+          ASSERT_EQ(halved_lines.row(y)[x], expected.at<float>(2 * y, 2 * x));
+        }
+      }
+    }
+  }
+}
+
+// Blocks without lines are not written: what an image before had there must be gone.
+TEST(RidgeExtractor, ForgetsTheImageBefore) {
+  Scene one, other;
+  one.vessels = {{test::straightTube({60, 100}, {450, 130}, 3)}, {test::straightTube({80, 420}, {420, 380}, 8)}};
+  other.vessels = {{test::straightTube({100, 60}, {130, 450}, 4)}};
+  one.noise = other.noise = 0.01;
+  const cv::Mat first = test::render(one), second = test::render(other);
+  const auto fresh = makeExtractor(RidgeSettings())->extract(second);
+  const auto extractor = makeExtractor(RidgeSettings());
+  extractor->extract(first);
+  const auto found = extractor->extract(second);
+  ASSERT_GT(fresh.size(), 0);
+  ASSERT_EQ(found.size(), fresh.size());
+  EXPECT_EQ(found.points_px, fresh.points_px);
+  EXPECT_EQ(found.radius_px, fresh.radius_px);
+  EXPECT_EQ(found.std_px, fresh.std_px);
+}
+
+}  // namespace
+}  // namespace angio::test
