@@ -2,6 +2,7 @@
 #pragma once
 
 #include "angio/apps/namespace.hpp"
+#include "angio/campaign/program.hpp"
 #include "angio/cli/command_line_fwd.hpp"
 
 namespace angio::apps {
@@ -11,6 +12,6 @@ void addCalibrateCamera(cli::Command& app, Work& work);
 void addCalibrateGeometry(cli::Command& app, Work& work);
 void addCalibrateHandEye(cli::Command& app, Work& work);
 void addCalibrateRegistration(cli::Command& app, Work& work);
-void addCalibrateSimulate(cli::Command& app, Work& work);
+void addCalibrateSimulate(cli::Command& app, Work& work, const Campaigns& campaigns);
 
 }  // namespace angio::apps

@@ -73,6 +73,8 @@ mkdir made
 evaluated=(simulation --tree "$tree" --trials 20) looped=(faults --tree "$tree" --calibration "$carm" --runs 1)
 "$bin/angio-evaluate" "${evaluated[@]}" --shard 1/1 --out made/evaluated.json > /dev/null || exit 1
 "$bin/angio-simulate-loop" "${looped[@]}" --shard 1/1 --out made/looped.json > /dev/null || exit 1
+studied=(simulate --study camera --trials 60 --camera-views 6 --nominal "$carm")
+"$bin/angio-calibrate" "${studied[@]}" --shard 1/1 --out made/studied.json > /dev/null || exit 1
 # A tube as a surface.
 awk 'function facet(a, b, c) {
     print "facet normal 0 0 0\nouter loop\nvertex " a "\nvertex " b "\nvertex " c "\nendloop\nendfacet"
@@ -163,6 +165,11 @@ for command in simulation paper; do
 done
 refuses angio-evaluate simulation --trials 100000 --tree "$tree" --shard 1/2 --out @/shard.json
 stops angio-evaluate "${evaluated[@]}" --shard 1/2 --out @/shard.json
+refuses angio-calibrate "${studied[@]}" --out @/study.json
+refuses angio-calibrate "${studied[@]}" --shard 1/2 --out @/shard.json
+stops angio-calibrate "${studied[@]}" --shard 1/2 --out @/shard.json
+refuses angio-calibrate merge made/studied.json --out @/study.json
+stops angio-calibrate merge made/studied.json --out @/study.json
 refuses angio-evaluate merge made/evaluated.json --out @/results.json --report "$(beside report.html)"
 refuses angio-evaluate merge made/evaluated.json --report @/report.html --out "$(beside results.json)"
 stops angio-evaluate merge made/evaluated.json --out @/results.json

@@ -104,6 +104,15 @@ TEST_F(Shards, OfClosedLoopsMergeToOneRunByEitherProgram) {
   EXPECT_TRUE(contentOf(folder_.path("other.json")) == contentOf(folder_.path("one.json")));
 }
 
+TEST_F(Shards, OfCalibratedMachinesMergeToOneRun) {
+  const Words study = {"simulate", "--study", "geometry", "--geometry-views", "12", "--trials", "3"};
+  expectTheSame("angio-calibrate", study, 2, false);
+  // Data are written at once.
+  const Ended data = run("angio-calibrate", {"simulate", "--out", folder_.path("data"), "--shard", "1/2"});
+  EXPECT_EQ(data.exit_code, 1);
+  EXPECT_EQ(data.err, "angio-calibrate: --shard = 1/2: needs --study camera or geometry\n");
+}
+
 // A shard that was killed leaves no file, is named, and the command that is named makes it.
 TEST_F(Shards, AKilledOneIsNamedAndMadeAgainAlone) {
   for (const int number : {1, 3}) ASSERT_EQ(make("angio-evaluate", simulation_, number, 3).exit_code, 0);

@@ -26,7 +26,7 @@ namespace {
 constexpr int kMany = 1000;
 
 // Programs whose shards are merged by themselves, each beside the others.
-constexpr std::array kPrograms = {"angio-evaluate", "angio-simulate-loop"};
+constexpr std::array kPrograms = {"angio-calibrate", "angio-evaluate", "angio-simulate-loop"};
 
 struct MergeOptions {
   std::vector<std::string> shards;
