@@ -196,7 +196,7 @@ phantom() {
 
 # From X-ray images: how well centrelines are found, and what becomes of the registration.
 seeing() {
-  local shared="${ANGIO_SHARED_DATA:-}" tree_of device
+  local shared="${ANGIO_SHARED_DATA:-}" tree_of device seed
   local liver=(--tree examples/data/hepatic-tace/tree.csv --model-axes lip) coronary=(--tree examples/data/static-phantom/tree.csv)
   echo; echo "### Centrelines in simulated angiograms, vessels of 1-6 mm: liver, then coronary arteries"
   "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7
@@ -210,9 +210,16 @@ seeing() {
   echo; "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7 --extractor ridge --filled 0.5
   echo; "${tracked[@]}" "${liver[@]}" --filled 0.5
   echo; "${tracked[@]}" "${coronary[@]}"
-  echo; echo "an injection that comes and goes with a catheter in the liver, then with a guidewire"
+  echo; echo "an injection that comes and goes with a catheter in the liver, then with a guidewire: frames alone, in their run, in one of a patient who breathes, in one that begins amid the injection"
+  local run
   for device in catheter guidewire; do
-    "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7 --extractor ridge --device "$device"
+    for run in "" "--frames-per-s 7.5" "--frames-per-s 7.5 --breath-mm 15" "--frames-per-s 7.5 --from-s 0.8"; do
+      for seed in 11 7; do
+        echo; echo "$device, seed $seed $run"
+        # shellcheck disable=SC2086
+        "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed "$seed" --extractor ridge --device "$device" $run
+      done
+    done
   done
   if [ ${#brains[@]} -gt 0 ]; then
     local brain_images=("$bin"/angio-evaluate extraction "${brains[@]}" --trials "${TRIALS:-40}" --seed 7)
@@ -241,7 +248,6 @@ seeing() {
     echo; echo "$tree_of, the same, two views, 5 deg / 10 mm"
     "${simulate[@]}" --visible-fraction 0.5 --spurious 5 --views 2 --rotation-std-deg 5 --translation-std-mm 10
   done
-  local seed
   for seed in 101 102; do
     echo; echo "coronary, half in view, 5 wires, 600 views of seed $seed: what fails"
     "$bin"/angio-evaluate simulation "${coronary[@]}" --from images --method oriented_kernel --trials 600 --seed "$seed" \

@@ -4,12 +4,15 @@
 #include <optional>
 #include <regex>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
+#include "angio/imaging/device_history.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"
@@ -102,19 +105,35 @@ int extractOne(const XrayFrames& frames, const Options& o, CenterlineExtractor& 
   return 0;
 }
 
+// Frames from before contrast agent arrived wait for what the run shows then.
 int extractAll(const XrayFrames& frames, const Options& o, CenterlineExtractor& extractor) {
   const Files files(o);
   const cv::Mat mask = o.mask_frame ? frames.frame(*o.mask_frame) : cv::Mat();
   ProgressBar bar("extracting", frames.count());
-  int with_vessels = 0, with_devices = 0;
+  DeviceHistory history;
+  std::vector<Centerline2d> waiting;
+  int with_vessels = 0, with_devices = 0, next = 0;
+  const auto write = [&](const std::vector<Centerline2d>& seen) {
+    for (const Centerline2d& one : seen) {
+      const Counts counts = writeFrame(frames.frame(next), one, files, next);
+      with_vessels += counts.vessels > 0;
+      with_devices += counts.devices > 0;
+      ++next;
+    }
+  };
   for (int frame = 0; frame < frames.count(); ++frame) {
     const cv::Mat image = frames.frame(frame);
-    const Counts counts =
-        writeFrame(image, extractor.extract(mask.empty() ? image : subtracted(image, mask)), files, frame);
-    with_vessels += counts.vessels > 0;
-    with_devices += counts.devices > 0;
+    const double side_px = std::min(image.cols, image.rows);
+    const Centerline2d seen = history.named(extractor.extract(mask.empty() ? image : subtracted(image, mask)), side_px);
+    if (history.knowsVessels()) {
+      write(history.namedAgain(std::exchange(waiting, {}), side_px));
+      write({seen});
+    } else {
+      waiting.push_back(seen);
+    }
     bar.show(frame + 1);
   }
+  write(waiting);
   std::cout << frames.count() << " frames: vessels in " << with_vessels << ", devices in " << with_devices
             << "; a frame without has no file\n";
   return 0;
@@ -147,7 +166,8 @@ int main(int argc, char** argv) {
   auto* frame = app.addOption("--frame", o.frame, "Frame of a run or of a TIFF, from 0; the first without")
                     ->check(angio::cli::wholeBetween(0, 1000000));
   app.addFlag("--all-frames", o.all_frames,
-              "All frames of the file; names of files then have a number in them, as lines/%04d.csv")
+              "All frames of the file, as a run: what was there before contrast agent came is a device. Names of files "
+              "then have a number in them, as lines/%04d.csv")
       ->excludes(frame);
   app.addOption("--mask-frame", o.mask_frame, "Frame of the same file without contrast agent, which is subtracted")
       ->check(angio::cli::wholeBetween(0, 1000000));

@@ -7,6 +7,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
+#include "angio/cli/further_options.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
 #include "angio/evaluation/extraction_run.hpp"
@@ -29,6 +30,8 @@ struct ExtractionOptions {
   double thinnest_mm = 1, thickest_mm = 6;
   double radius_px = 4, shown_contrast = 0.15;
   DeviceKind device = DeviceKind::kNone;
+  bool whole_run = false;
+  double frames_per_s = 0, breath_mm = 0, from_s = 0;
   double predicted_mm = 0, predicted_deg = 0.3, filled = 1;
   int columns = 5, side_px = 480;
   ModelAxes model_axes = SimulationSettings().model_axes;
@@ -65,7 +68,9 @@ ExtractionSamples simulatedSamplesOf(const ExtractionOptions& o, const Fluorosco
   settings.translation_std_mm = o.predicted_mm;
   settings.rotation_std_deg = o.predicted_deg;
   const auto camera = o.camera.empty() ? std::optional<XrayCamera>() : readCamera(o.camera);
-  if (o.device != DeviceKind::kNone) return deviceSamples(trees, camera, settings, o.device);
+  if (o.device != DeviceKind::kNone) {
+    return deviceSamples(trees, camera, settings, {o.device, o.frames_per_s, o.whole_run, o.breath_mm, o.from_s});
+  }
   return simulatedSamples(trees, camera, settings, {o.thinnest_mm, o.thickest_mm, o.predicted_mm > 0});
 }
 
@@ -175,17 +180,41 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
   auto* filled =
       command->addOption("--filled", o->filled, "Part of simulated vessels, in view, that has contrast agent")
           ->check(cli::between(0.01, 1.0));
+  auto* device =
+      command
+          ->addOption(
+              "--device", o->device,
+              "In simulated images there are a device in the tree and an injection that comes and goes; all that "
+              "can be seen must be found")
+          ->check(cli::choice(std::map<std::string, DeviceKind>{
+              {"none", DeviceKind::kNone}, {"catheter", DeviceKind::kCatheter}, {"guidewire", DeviceKind::kGuidewire}}))
+          ->defaultText("none")
+          ->excludes(predicted)
+          ->excludes(filled)
+          ->excludes(thinnest)
+          ->excludes(thickest);
+  auto* run =
+      command
+          ->addOption(
+              "--frames-per-s", o->frames_per_s,
+              "Each frame with a device comes last in its run, whose frames from before the injection on are seen "
+              "at this rate; 0: it is seen alone")
+          ->check(cli::between(0.0, 100.0))
+          ->needs(device);
   command
-      ->addOption("--device", o->device,
-                  "In simulated images there are a device in the tree and an injection that comes and goes; all that "
-                  "can be seen must be found")
-      ->check(cli::choice(std::map<std::string, DeviceKind>{
-          {"none", DeviceKind::kNone}, {"catheter", DeviceKind::kCatheter}, {"guidewire", DeviceKind::kGuidewire}}))
-      ->defaultText("none")
-      ->excludes(predicted)
-      ->excludes(filled)
-      ->excludes(thinnest)
-      ->excludes(thickest);
+      ->addFlag("--whole-run", o->whole_run,
+                "Frames from before contrast agent arrives are named by what their runs show later, as those of a file "
+                "are")
+      ->needs(run)
+      ->group(cli::kFurtherOptions);
+  command->addOption("--from-s", o->from_s, "When such a run begins; the injection does at 0.3 s")
+      ->check(cli::between(0.0, 5.0))
+      ->needs(run)
+      ->group(cli::kFurtherOptions);
+  command->addOption("--breath-mm", o->breath_mm, "How far the diaphragm comes down in such a run")
+      ->check(cli::between(0.0, 60.0))
+      ->needs(device)
+      ->group(cli::kFurtherOptions);
   command->addOption("--radius-px", o->radius_px, "Of the vessels of a case set: what an image shows of its tree")
       ->check(cli::between(1.0, 100.0));
   command->addOption("--shown-contrast", o->shown_contrast, "is this much darker than its sides (natural logarithm)")
@@ -195,8 +224,12 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
   command->addOption("--out", o->out, "Scores (.json)");
   auto* sheet =
       command->addOption("--sheet", o->sheet, "Picture of what the first extractor found in each image (.png, .jpg)");
-  command->addOption("--columns", o->columns, "Of the sheet")->check(cli::wholeBetween(1, 100));
-  command->addOption("--side-px", o->side_px, "Of each picture on it")->check(cli::wholeBetween(50, 2000));
+  command->addOption("--columns", o->columns, "Of the sheet")
+      ->check(cli::wholeBetween(1, 100))
+      ->group(cli::kFurtherOptions);
+  command->addOption("--side-px", o->side_px, "Of each picture on it")
+      ->check(cli::wholeBetween(50, 2000))
+      ->group(cli::kFurtherOptions);
   o->campaign.addTo(*command, {sheet});
   command->onChosen([o, &work, &campaigns] { work = [o, &campaigns] { return evaluateExtraction(*o, campaigns); }; });
 }

@@ -32,6 +32,8 @@ void DeviceScore::add(const Centerline2d& found, const Centerline2d& shown, doub
       if (vessel.distance_px > tolerance_px) continue;
       // A device lies in a vessel, anywhere in it: what is found there is either's.
       if (true_device(p).distance_px <= tolerance_px + vessel.radius_px) continue;
+      // A device in a vessel may have a line besides the vessel's.
+      if (kind == CurveKind::kDevice && as_vessel(p).distance_px <= tolerance_px) continue;
       ++vessels_;
       called_ += kind == CurveKind::kDevice;
     }

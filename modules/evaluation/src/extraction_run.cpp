@@ -7,9 +7,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/stopwatch.hpp"
+#include "angio/imaging/device_history.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/results/experiment.hpp"
@@ -89,6 +91,34 @@ ExtractedSample scored(const Centerline2d& found, const ExtractionSample& sample
     one.score.addMask(found, sample.mask);
   }
   return one;
+}
+
+// What is found in a sample, and in what time [s].
+struct Extracted {
+  Centerline2d found;
+  double time_s = 0;
+};
+
+Extracted extractedAlone(const ExtractionSample& sample, CenterlineExtractor& extractor) {
+  const Stopwatch stage;
+  Centerline2d found = extractor.extract(sample.image, sample.expected);
+  return {std::move(found), stage.seconds()};
+}
+
+Extracted extractedInRun(const ExtractionSample& sample, CenterlineExtractor& extractor) {
+  const double side_px = std::min(sample.image.cols, sample.image.rows);
+  const ExtractionSample::Run& run = *sample.run;
+  DeviceHistory history;
+  for (int k = 0; k < run.index; ++k) history.named(extractor.extract(run.frame(k)), side_px);
+  const Stopwatch stage;
+  std::vector<Centerline2d> found = {history.named(extractor.extract(sample.image), side_px)};
+  const double time_s = stage.seconds();
+  if (history.knowsVessels()) return {found.front(), time_s};
+  for (int k = run.index + 1; k < run.count && !history.knowsVessels(); ++k) {
+    found.push_back(history.named(extractor.extract(run.frame(k)), side_px));
+  }
+  if (history.knowsVessels()) found.pop_back();  // It is named already.
+  return {history.namedAgain(std::move(found), side_px).front(), time_s};
 }
 
 }  // namespace
@@ -188,9 +218,8 @@ std::vector<ExtractionRun> runExtraction(const ExtractionSamples& samples,
     std::vector<ExtractedSample> extracted(entrants.size());
     for (std::size_t turn = 0; turn < entrants.size(); ++turn) {
       const std::size_t m = (static_cast<std::size_t>(i) + turn) % entrants.size();
-      const Stopwatch stage;
-      const Centerline2d found = extractors[m]->extract(sample.image, sample.expected);
-      const double time_s = stage.seconds();
+      const auto [found, time_s] =
+          sample.run ? extractedInRun(sample, *extractors[m]) : extractedAlone(sample, *extractors[m]);
       extracted[m] = scored(found, sample, tolerance_px);
       extracted[m].time_s = time_s;
       if (pictures == Pictures::kKeep) runs[m].pictures.push_back({sample.image, found, sample.name});

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/imaging/collimator_opening.hpp"
+#include "angio/imaging/device_history.hpp"
 #include "angio/imaging/extractor.hpp"
 #include "angio/imaging/subtraction.hpp"
 #include "fields.hpp"
@@ -11,10 +12,11 @@ namespace {
 
 using GuardedExtractor = Guarded<std::unique_ptr<CenterlineExtractor>>;
 
-std::unique_ptr<GuardedExtractor> extractorOf(const std::string& method, const py::object& settings) {
+std::unique_ptr<GuardedExtractor> extractorOf(const std::string& method, const py::object& settings, bool run) {
   ExtractorSections sections;
   setFields(settings, "settings", [&](SettingsVisitor& v) { sections.visit(v); });
-  return std::make_unique<GuardedExtractor>(makeExtractor(method.empty() ? sections.chosen() : sections.named(method)));
+  const ExtractorSettings chosen = method.empty() ? sections.chosen() : sections.named(method);
+  return std::make_unique<GuardedExtractor>(run ? makeRunExtractor(chosen) : makeExtractor(chosen));
 }
 
 }  // namespace
@@ -22,8 +24,10 @@ std::unique_ptr<GuardedExtractor> extractorOf(const std::string& method, const p
 void bindImaging(py::module_& m) {
   py::class_<GuardedExtractor>(m, "CenterlineExtractor", doc("CenterlineExtractor"))
       .def(py::init(&extractorOf),
-           "The method by its name, or the settings' own; settings as a dict or a file with the sections of methods.",
-           "method"_a = "", "settings"_a = py::none())
+           "The method by its name, or the settings' own; settings as a dict or a file with the sections of methods. "
+           "With `run` for the frames of one run, in their order, of which it remembers what was there before contrast "
+           "agent arrived: a device.",
+           "method"_a = "", "settings"_a = py::none(), "run"_a = false)
       .def(
           "extract",
           [](GuardedExtractor& extractor, const py::array& image, const std::optional<Centerline2d>& expected) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -115,6 +116,13 @@ struct ExtractionSample {
   /// What the image shows of vessels and devices, by kind; empty: whether devices are told from vessels is not scored.
   Centerline2d shown = {};
   bool has_truth = true;  ///< False: nobody knows what is to be found, and nothing is scored.
+  /// The other frames of its run: from number 0 on, without its own, `index`, up to `count`; none: the image stands
+  /// alone. Those after it are looked at until contrast agent arrives.
+  struct Run {
+    int index = 0, count = 0;
+    std::function<cv::Mat(int frame)> frame;
+  };
+  std::optional<Run> run = {};
 };
 
 /// Images that are made or read when they are asked for.
@@ -135,11 +143,20 @@ struct SimulatedVessels {
 ExtractionSamples simulatedSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
                                    const SimulationSettings& settings, const SimulatedVessels& vessels);
 
+/// The runs that frames with a device are of.
+struct DeviceRuns {
+  DeviceKind device = DeviceKind::kCatheter;
+  double frames_per_s = 0;   ///< Of the frames from the run's beginning on, which are seen first; 0: none is.
+  bool looks_ahead = false;  ///< The run is known as a whole, to 5 s, as a file is.
+  double breath_mm = 0;      ///< How far the diaphragm comes down.
+  double from_s = 0;         ///< When the first frame is taken; the injection begins at 0.3 s.
+};
+
 /// Rendered frames of an injection of two seconds into trees with a device in them: its tip in a branch, and the time
 /// from before the injection until 3 s after it, are drawn. All that can be seen must be found; a device hides where it
 /// lies in a vessel that absorbs more.
 ExtractionSamples deviceSamples(const std::vector<VesselTree>& trees, const std::optional<XrayCamera>& camera,
-                                const SimulationSettings& settings, DeviceKind device);
+                                const SimulationSettings& settings, const DeviceRuns& runs);
 
 /// What the images of a case set show of its trees at their true poses. What must be found is what the image itself
 /// shows of it (shownIn, with `radius_px` and `contrast`). Throws InputError for a case without image or true pose.
