@@ -103,6 +103,27 @@ TEST(FitClassification, ADeformedTreeIsNotTrustedWhereTheImageLeavesItOpen) {
   EXPECT_EQ(classified(0.5e-3, 0.1), RegistrationStatus::kConverged);
 }
 
+TEST(FitClassification, ALowScoreSufficesOnlyWhereTheResultSaysSo) {
+  const VesselTree tree = test::branchingTree(3);
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.covariance = diagonal(0.2e-3, 1e-9);
+  result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), 1e-3);
+  result.alignment.model_points = 100;
+  const auto classified = [&](double model_explained, double image_explained) {
+    result.alignment.model_explained = model_explained;
+    result.alignment.image_explained = image_explained;
+    classify(tree, result);
+    EXPECT_EQ(explained(result), result.status == RegistrationStatus::kConverged);
+    return result.status;
+  };
+  EXPECT_EQ(classified(0.7, 0.65), RegistrationStatus::kAmbiguous);
+  result.low_score_suffices = true;
+  EXPECT_EQ(classified(0.7, 0.65), RegistrationStatus::kConverged);
+  EXPECT_EQ(classified(0.65, 0.62), RegistrationStatus::kAmbiguous) << "a score of 0.40";
+  EXPECT_EQ(classified(0.9, 0.55), RegistrationStatus::kAmbiguous) << "too little of the image";
+}
+
 TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
   const VesselTree tree = test::branchingTree(3);
   RegistrationResult result;

@@ -23,7 +23,7 @@ constexpr double kConvergedShare = 0.6;
 constexpr double kConvergedScore = 0.5;
 // Of brains deformed by 5 mm in two views (tuned half, 400 trials) all score 0.42 or more, and claim enough where claims
 // go by the score; other patients' trees deformed to two views score 0.09 at most (48 trials).
-constexpr double kClaimedScore = 0.42;
+constexpr double kNearStartScore = 0.42;
 constexpr double kDivergedShare = 0.35;
 
 // A fit whose best alternative scores less than half stands alone: oriented fits with 70 % of the tree without contrast
@@ -69,11 +69,11 @@ struct Threshold {
 
 constexpr Threshold kUsual{
     kConvergedShare, kConvergedScore, {kMaxSpread_m, std::numeric_limits<double>::infinity(), kMaxAcross_m}};
-constexpr Threshold kClaimedByScore{kConvergedShare, kClaimedScore, kUsual.spread};
+constexpr Threshold kNearStart{kConvergedShare, kNearStartScore, kUsual.spread};
 constexpr Threshold kAlone{kAloneMinShare, kAloneScore, {kAloneMaxSpread_m, kAloneMaxSpread_m, kMaxAcross_m}};
 
 const Threshold& usualOf(const RegistrationResult& result) {
-  return result.claims_by_score ? kClaimedByScore : kUsual;
+  return result.low_score_suffices ? kNearStart : kUsual;
 }
 
 bool reaches(const AlignmentScore& a, double share, double score) {

@@ -81,11 +81,11 @@ constexpr Attempt kAttempts[] = {{1, kSomeEmpty},  {1, kMaxEmpty},  {1.8, kSomeE
 constexpr double kWidest = 3;
 // Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
-// The settings' own belief of a start holds 99 % within this, of six unknowns. A fit that ended farther away began with
-// more vessels that were matched with their neighbours: of brains deformed by 5 mm, 15 deg / 30 mm away, 3 of the 21
-// that are found in two views are wrong by their own claim at scores of 0.48 to 0.54.
-constexpr double kNearStart2 = 16.8;
 constexpr int kNearbyRounds = 3;
+// The settings' own belief of a start holds 99 % within this, of six unknowns. A fit that ended farther away began with
+// more vessels that were matched with their neighbours: of 40 brains deformed by 5 mm, 15 deg / 30 mm away, three that
+// score 0.48 to 0.54 in two views are wrong by their own claim.
+constexpr double kNearStart2 = 16.8;
 constexpr std::size_t kCompared = 4;
 
 class OrientedKernel final : public Registration {
@@ -219,7 +219,7 @@ class OrientedKernel final : public Registration {
     result.prior = belief.source;
     PosePrior start_alone;
     start_alone.T_camera_model = prior.T_camera_model;
-    near_start_ = beliefOf(start_alone, settings_, model_.centroid);
+    usual_belief_ = beliefOf(start_alone, settings_, model_.centroid);
     if (tooFewPoints(result)) return std::nullopt;
     small_ = settings_.direction == Direction::kImageToModel ||
              (settings_.direction == Direction::kAuto && imageIsSmall(centered(start)));
@@ -371,8 +371,8 @@ class OrientedKernel final : public Registration {
           claims.factor = claimsOfViews(deformed);
           claims.misfit = std::make_shared<LocalMisfit>(frame_.views(), model_, model_.points + fit.displacements_m,
                                                         fit.T_camera_centered);
+          result.low_score_suffices = usual_belief_.cost(fit.T_camera_centered) <= kNearStart2;
         }
-        result.claims_by_score = frame_.viewCount() > 1 && near_start_.cost(fit.T_camera_centered) <= kNearStart2;
         setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result, claims);
         keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
       } else {
@@ -411,7 +411,7 @@ class OrientedKernel final : public Registration {
   OrientedFrame frame_;
   PoseComparison comparison_;
   StartDraws draws_;
-  PosePriorTerm near_start_;  // The settings' own belief, whatever is believed.
+  PosePriorTerm usual_belief_;  // The settings' own of the start, whatever is believed.
   bool small_ = false;
 };
 

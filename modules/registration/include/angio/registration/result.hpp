@@ -105,9 +105,9 @@ struct [[nodiscard]] RegistrationResult {
   /// Standard deviation, per axis, of the deformation of the tree that the residuals of the rigid tree speak for [m],
   /// its linear part left out. 0 where none was looked for.
   double deformation_std_m = 0;
-  /// Whether standard deviations were widened by what model and image do not explain of each other, and the fit ended
-  /// near its start. Such a result is believed at a lower alignment score.
-  bool claims_by_score = false;
+  /// Whether a lower alignment score is enough: the fit ended near its start, and standard deviations count what model
+  /// and image do not explain of each other.
+  bool low_score_suffices = false;
   /// How uncertain the places of the tree's points are; absent where the covariance says all.
   std::optional<PlaceSpread> spread;
   /// What is known of single points; null where the covariance says all.
