@@ -235,7 +235,8 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
               0);
   }
   // Turned just inside a short branch, a loose tip falls out of it.
-  const double aim_m = std::min(1e-3 * settings_.aim_mm, isLoose() ? kAimIn * map_.length_m(view.branch) : 1.0);
+  double aim_m = 1e-3 * settings_.aim_mm;
+  if (isLoose()) aim_m = std::min(aim_m, kAimIn * map_.length_m(view.branch));
   if (view.to_fork_m <= aim_m) return atFork(input, view);
   const bool slow = view.to_fork_m < 1e-3 * settings_.slow_mm;
   return go(input, pushSpeed(slow ? settings_.fork_speed_mm_per_s : settings_.speed_mm_per_s), 0, 0);

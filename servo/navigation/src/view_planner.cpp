@@ -6,6 +6,7 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/navigation/navigator.hpp"
 #include "fork_plan.hpp"
 
 namespace angio::navigation {
@@ -16,7 +17,7 @@ constexpr double kForkWeight = 1.5;     // Of forks that are seen from within th
 constexpr double kShownWell = 0.85;     // Of a side of a fork, in the image: more is no better.
 constexpr double kNextForks_m = 30e-3;  // Over this way a fork's weight falls ...
 constexpr double kThisFork_m = 6e-3;    // ... and where the last view did not show the one ahead.
-constexpr double kLever_m = 5.5e-3;     // As the navigator takes a branch's direction.
+constexpr double kLever_m = 1e-3 * NavigatorSettings::lever_mm;
 
 BestViewSettings searchOf(const ViewPlannerSettings& settings) {
   BestViewSettings search;
