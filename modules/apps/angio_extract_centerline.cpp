@@ -4,7 +4,6 @@
 #include <optional>
 #include <regex>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "angio/apps/namespace.hpp"
@@ -113,27 +112,29 @@ int extractAll(const XrayFrames& frames, const Options& o, CenterlineExtractor& 
   DeviceHistory history;
   std::vector<Centerline2d> waiting;
   int with_vessels = 0, with_devices = 0, next = 0;
-  const auto write = [&](const std::vector<Centerline2d>& seen) {
-    for (const Centerline2d& one : seen) {
-      const Counts counts = writeFrame(frames.frame(next), one, files, next);
-      with_vessels += counts.vessels > 0;
-      with_devices += counts.devices > 0;
-      ++next;
-    }
+  const auto write = [&](const cv::Mat& image, const Centerline2d& seen) {
+    const Counts counts = writeFrame(image, seen, files, next);
+    with_vessels += counts.vessels > 0;
+    with_devices += counts.devices > 0;
+    ++next;
+  };
+  const auto writeWaiting = [&](const std::vector<Centerline2d>& seen) {
+    for (const Centerline2d& one : seen) write(frames.frame(next), one);
+    waiting.clear();
   };
   for (int frame = 0; frame < frames.count(); ++frame) {
     const cv::Mat image = frames.frame(frame);
     const double side_px = std::min(image.cols, image.rows);
     const Centerline2d seen = history.named(extractor.extract(mask.empty() ? image : subtracted(image, mask)), side_px);
     if (history.knowsVessels()) {
-      write(history.namedAgain(std::exchange(waiting, {}), side_px));
-      write({seen});
+      if (!waiting.empty()) writeWaiting(history.namedAgain(waiting, side_px));
+      write(image, seen);
     } else {
       waiting.push_back(seen);
     }
     bar.show(frame + 1);
   }
-  write(waiting);
+  writeWaiting(waiting);
   std::cout << frames.count() << " frames: vessels in " << with_vessels << ", devices in " << with_devices
             << "; a frame without has no file\n";
   return 0;
