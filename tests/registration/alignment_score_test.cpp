@@ -114,6 +114,17 @@ TEST(AlignmentScore, MeasuresImagePointsToEdgesNotToModelPoints) {
   EXPECT_NEAR(a.image_explained, 1, 1e-12);
 }
 
+TEST(AlignmentScore, ALineWhosePointsStandFarApartExplainsWhatLiesBetweenThem) {
+  // Its points are 25 px apart, those of the model 10 px: most of these lie between two of the image's.
+  const AlignmentScore a = alignmentScoreWith(line({50, 102}, {150, 102}, 5));
+  EXPECT_NEAR(a.score(), 1, 1e-12);
+  EXPECT_NEAR(a.model_rms_px, 2, 0.2);  // To points 3 px apart at most: sqrt(4 + 3 / 4) on average.
+  // Across a gap there is no vessel.
+  Eigen::Matrix2Xd ends(2, 2);
+  ends << 50, 150, 102, 102;
+  EXPECT_NEAR(alignmentScoreWith(makeCenterline(ends, {0, 1})).model_explained, 2.0 / 11, 1e-12);
+}
+
 TEST(AlignmentScore, CountsOnlyTheModelOnTheDetector) {
   const VesselTree tree = straightVessel();
   Pose T = oneMetreAway();

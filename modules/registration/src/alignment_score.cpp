@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "angio/geometry/bucket_grid.hpp"
+#include "angio/vessel/resample.hpp"
 
 namespace angio::registration {
 namespace {
@@ -81,17 +83,34 @@ Silhouette silhouetteOf(const VesselTree& tree, const Eigen::Matrix3Xd& points, 
   return s;
 }
 
+double longestStep_px(const Centerline2d& c) {
+  double longest_px = 0;
+  for (int j = 1; c.ordered() && j < c.size(); ++j) {
+    if (c.branch[j] != c.branch[j - 1]) continue;
+    const double step_px = (c.points_px.col(j) - c.points_px.col(j - 1)).norm();
+    if (step_px <= kMaxStep_px) longest_px = std::max(longest_px, step_px);
+  }
+  return longest_px;
+}
+
+Eigen::Matrix2Xd unitTangents(const Centerline2d& c) {
+  Eigen::Matrix2Xd result(2, c.size());
+  for (int j = 0; j < c.size(); ++j) result.col(j) << std::cos(c.tangent_rad[j]), std::sin(c.tangent_rad[j]);
+  return result;
+}
+
 // Model and image of one view, each in a grid.
 class Comparison {
  public:
   Comparison(const Centerline2d& image, const Silhouette& model, const AlignmentScoreGate& gate)
       : image_(image), model_(model), gate_px_(gate.distance_px) {
-    image_grid_.build(image.points_px);
+    // Between points that stand further apart than the gate reaches from both, a line would explain nothing.
+    const Centerline2d* line = &image;
+    if (longestStep_px(image) > 2 * gate_px_) line = &line_.emplace(densified(image, gate_px_));
+    line_grid_.build(line->points_px);
+    line_direction_ = unitTangents(*line);
     model_grid_.build(model.pixel);
-    direction_.resize(2, image.size());
-    for (int j = 0; j < image.size(); ++j) {
-      direction_.col(j) << std::cos(image.tangent_rad[j]), std::sin(image.tangent_rad[j]);
-    }
+    direction_ = unitTangents(image);
     // Undirected tangents are never more than a right angle apart.
     const double cosine = std::cos(gate.angle_rad);
     min_cos2_ = gate.angle_rad > kPi / 2 ? -1 : cosine * cosine;
@@ -99,10 +118,10 @@ class Comparison {
 
   void measureModel(Tally& tally) const {
     for (int k = 0; k < model_.size(); ++k) {
-      const auto found = image_grid_.nearest(model_.pixel.col(k));
+      const auto found = line_grid_.nearest(model_.pixel.col(k));
       const double distance = std::sqrt(found.distance2_px2);
       bool along = false;
-      edgesOf(k, [&](const auto& edge) { along |= runsAlong(edge, found.index); });
+      edgesOf(k, [&](const auto& edge) { along |= runsAlong(edge, line_direction_.col(found.index)); });
       tally.measure(distance, (distance < gate_px_) & along);
     }
   }
@@ -117,7 +136,7 @@ class Comparison {
       edgesOf(found.index, [&](const auto& edge) {
         const double share = std::clamp(from_model.dot(edge.to_other) * edge.inverse_length2, 0.0, 1.0);
         distance2 = std::min(distance2, (from_model - share * edge.to_other).squaredNorm());
-        along |= runsAlong(edge, j);
+        along |= runsAlong(edge, direction_.col(j));
       });
       const double distance = std::sqrt(distance2);
       tally.measure(distance, (distance < gate_px_) & along);
@@ -133,9 +152,9 @@ class Comparison {
     }
   }
 
-  // Whether an edge runs along the image's tangent at j. One seen end-on has no direction to disagree with.
-  bool runsAlong(const Silhouette::Edge& edge, int j) const {
-    const double together = edge.to_other.dot(direction_.col(j));
+  // Whether an edge runs along a unit tangent of the image. One seen end-on has no direction to disagree with.
+  bool runsAlong(const Silhouette::Edge& edge, const Eigen::Vector2d& tangent) const {
+    const double together = edge.to_other.dot(tangent);
     // No branches here and above: what they would decide on cannot be foretold.
     return (edge.length2 < 1) | (together * together > min_cos2_ * edge.length2);
   }
@@ -143,8 +162,9 @@ class Comparison {
   const Centerline2d& image_;
   const Silhouette& model_;
   double gate_px_, min_cos2_;
-  BucketGrid image_grid_, model_grid_;
-  Eigen::Matrix2Xd direction_;  // 2 x image points: unit tangents.
+  std::optional<Centerline2d> line_;  // The image with points between its own, where it needs them.
+  BucketGrid line_grid_, model_grid_;
+  Eigen::Matrix2Xd direction_, line_direction_;  // 2 x points of the image and of its line: unit tangents.
 };
 
 }  // namespace
