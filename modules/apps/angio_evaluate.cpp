@@ -133,7 +133,10 @@ int main(int argc, char** argv) {
         apps::addEvaluatePaper(app, work, campaigns);
         apps::addEvaluateExtraction(app, work, campaigns);
       },
-      apps::addEvaluateCatheter,
+      [](cli::Command& app, cli::Work& work) {
+        apps::addEvaluateCatheter(app, work);
+        apps::addEvaluateCatheterRuns(app, work);
+      },
       true};
   return campaign::runCampaignProgram(program, argc, argv);
 }

@@ -18,6 +18,7 @@ void addEvaluateSimulation(cli::Command& app, Work& work, const Campaigns& campa
 void addEvaluatePaper(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateCatheter(cli::Command& app, Work& work);
+void addEvaluateCatheterRuns(cli::Command& app, Work& work);
 
 /// What all of them ask of methods.
 struct MethodOptions : EntrantsAsked {

@@ -181,6 +181,7 @@ refuses angio-evaluate "${extraction[@]}" --sheet @/sheet.png --out "$(beside sc
 stops angio-evaluate extraction --image "$phantom/frames/im5.png" --sheet @/sheet.png
 refuses angio-evaluate catheter "$data/hepatic-tace/cases.yaml" --out @/tips.json --sheet "$(beside sheet.png)"
 refuses angio-evaluate catheter "$data/hepatic-tace/cases.yaml" --sheet @/sheet.png --out "$(beside tips.json)"
+refuses angio-evaluate catheter-runs --tree "$data/hepatic-tace/tree.csv" --runs 1 --frames 4 --out @/runs.json
 
 if [ -x "$bin/angio-extract-tree" ]; then  # With ITK.
   refuses angio-extract-tree made/tube.stl --out @/tree.csv --picture "$(beside tree.png)"

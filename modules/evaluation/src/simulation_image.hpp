@@ -23,6 +23,7 @@ enum class DrawFor {
   kStart,
   kFilled,
   kDevice,
+  kCatheter,
 };
 
 /// Random numbers that are the same with every compiler and library: the standard fixes its engines and seed_seq, but

@@ -211,12 +211,14 @@ void conclude(SequenceResult& result, const TipFilter& filter, const std::vector
 struct RoundOutcome {
   std::vector<int> route;
   double residual_px = 0;
+  double log_evidence = 0;
 };
 
 RoundOutcome outcomeOf(const std::vector<ForwardFrame>& forward, const std::vector<int>& route) {
-  RoundOutcome outcome{route, 0};
+  RoundOutcome outcome{route, 0, 0};
   int used = 0;
   for (std::size_t t = 0; t < forward.size(); ++t) {
+    outcome.log_evidence += forward[t].outcome.log_evidence;
     if (const Candidate* chosen = candidateAt(forward[t], route[t]))
       outcome.residual_px += chosen->match.residual_px, ++used;
   }
@@ -275,6 +277,7 @@ SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const 
     if (result.converged || round >= settings.rounds) {
       conclude(result, filter, forward, route);
       result.residual_px = outcome.residual_px;
+      result.log_evidence = outcome.log_evidence;
       result.correction = shared.correction;
       result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
       return result;

@@ -235,13 +235,14 @@ FrameOutcome TipFilter::observe(const SeenCatheter& seen, const SeenPose& pose) 
     outcome.why = formatted("the best path lies %.1f px from the curve on average", best.match.residual_px);
     return outcome;
   }
-  weigh(pose);
+  outcome.log_evidence = weigh(pose);
   outcome.used = true;
   return outcome;
 }
 
-// Bayes: probabilities by the candidates' evidence, shifts by their misfits.
-void TipFilter::weigh(const SeenPose& pose) {
+// Bayes: probabilities by the candidates' evidence, shifts by their misfits. Returns the logarithm of what the
+// frame's evidence is on average.
+double TipFilter::weigh(const SeenPose& pose) {
   double best = -1e300;
   for (const Candidate& one : candidates_) {
     best = std::max(best, one.match.log_evidence + std::log(probability_[one.place]));
@@ -265,6 +266,7 @@ void TipFilter::weigh(const SeenPose& pose) {
   for (double& p : next_probability_) p /= sum;
   probability_.swap(next_probability_);
   shift_.swap(next_shift_);
+  return best + std::log(sum);
 }
 
 // A belief as a navigator reads it: branches, arc lengths, standard deviations.

@@ -50,6 +50,7 @@ struct FrameOutcome {
   std::string why;                    ///< What was wrong with it, or empty.
   std::optional<double> residual_px;  ///< Of the most probable place, where the curve could be compared at all.
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
+  double log_evidence = 0;  ///< Of the frame given all before it, up to a constant of its curve; 0 when it is not used.
 };
 
 /// The forward pass over places: a probability and the image's shift for each.
@@ -96,7 +97,7 @@ class TipFilter {
   void rescale(double px_per_m);
   Expected expected(int place, const SeenPose& pose) const;
   void collect(const SeenCatheter& seen, const SeenPose& pose, bool tip_is_last);
-  void weigh(const SeenPose& pose);
+  double weigh(const SeenPose& pose);
   Eigen::Matrix2d stationary() const;
   void beginAtForks(std::vector<std::vector<std::pair<double, double>>>& known) const;
 

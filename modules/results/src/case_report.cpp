@@ -89,6 +89,7 @@ Json caseAsJson(const CaseOutcome& outcome) {
   json["reason"] = r.reason;
   if (outcome.followed) json["followed"] = *outcome.followed;
   if (outcome.rejection) json["rejection"] = *outcome.rejection;
+  if (outcome.by_catheter) json["by_catheter"] = true;
   json["rotation"] = numbersOf(r.T_camera_model.linear());
   json["translation_mm"] = numbersOf(1e3 * r.T_camera_model.translation());
   json["covariance"] = r.covariance ? numbersOf(*r.covariance) : Json(nullptr);

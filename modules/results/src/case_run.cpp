@@ -11,6 +11,7 @@
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
+#include "angio/perception/catheter_registration.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/registration_gate.hpp"
@@ -21,6 +22,8 @@ namespace {
 
 // Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
 constexpr double kFramePeriod_us = 1e6 / 15;
+// A catheter's frames may be picked from a run: between two of them a hand may have pushed it by centimetres.
+constexpr double kCatheterPeriod_s = 0.5;
 
 // A task may be asked for any place of the tree: so many of them must be known well enough.
 constexpr double kMinUsableShare = 0.95;
@@ -41,6 +44,13 @@ GatedPerception trackerOf(const CaseRunSettings& settings, const VesselTree& tre
   return GatedPerception(tracked, tree);
 }
 
+// Of a frame that its catheter registers; other methods take what is given.
+std::optional<CatheterRegistration> catheterOf(const RegistrationSettings& method, const VesselTree& tree) {
+  const auto* settings = std::get_if<OrientedKernelSettings>(&method);
+  if (!settings) return std::nullopt;
+  return CatheterRegistration(*settings, tree);
+}
+
 // Empty where it is not needed, or there is none.
 cv::Mat imageOf(const View& view, bool needed) {
   if (!view.image_path || (view.centerline_path && !needed)) return {};
@@ -53,6 +63,38 @@ Centerline2d seenIn(const View& view, const cv::Mat& image, CenterlineExtractor&
   Centerline2d centerline = vesselsToMatch(extractor.extract(image));
   outcome.image_s += stage.seconds();
   return centerline;
+}
+
+// Nothing where a result has no covariance.
+std::optional<PatientObservation> claimedBy(const RegistrationResult& result) {
+  if (!result.covariance || !result.covariance->allFinite()) return std::nullopt;
+  return PatientObservation{result.T_camera_model, *result.covariance, result.points};
+}
+
+void addUses(const VesselTree& tree, CaseOutcome& outcome) {
+  outcome.usable_for.clear();
+  const auto seen = claimedBy(outcome.result);
+  if (!seen || outcome.result.status != RegistrationStatus::kConverged) return;
+  const double enough_m = 1e-3 * RegistrationGateSettings().max_target_std_mm;
+  const Eigen::Matrix3Xd& points = tree.points();
+  double places = 0, across = 0, everywhere = 0;
+  const Eigen::Index stride = std::max<Eigen::Index>(1, points.cols() / kPlaces);
+  for (Eigen::Index i = stride / 2; i < points.cols(); i += stride, ++places) {
+    across += seen->worstStdAcross_m(points.col(i)) <= enough_m;
+    everywhere += seen->worstStd_m(points.col(i)) <= enough_m;
+  }
+  if (across >= kMinUsableShare * places) outcome.usable_for.push_back("centre");
+  if (everywhere >= kMinUsableShare * places) outcome.usable_for.push_back("view");
+  if (across >= kMinUsableShare * places) outcome.usable_for.push_back("navigate");
+}
+
+void addPointCovariances(const VesselTree& tree, CaseOutcome& outcome) {
+  outcome.point_covariances_m2.clear();
+  const auto seen = claimedBy(outcome.result);
+  if (!seen) return;
+  for (const auto& point : tree.points().colwise()) {
+    outcome.point_covariances_m2.push_back(seen->pointCovariance(point));
+  }
 }
 
 // Runs the cases of a set, one after another.
@@ -78,12 +120,53 @@ class CaseRunner {
   CaseOutcome run(const Case& one, int frame);
 
  private:
+  // What follows a tree through the frames of a sequence.
+  struct Sequence {
+    GatedPerception tracker;
+    std::optional<CatheterRegistration> catheter;
+  };
+
+  // Registers a sequence's frame; returns where it was expected.
+  Pose track(const Case& one, int frame, const XrayViews& views, const Registration& registration,
+             CaseOutcome& outcome);
+
   const CaseSet& set_;
   const CaseRunSettings& settings_;
   std::map<std::string, std::unique_ptr<Registration>> registrations_;  // By their trees' files, which cases share.
   std::unique_ptr<CenterlineExtractor> extractor_;
-  std::map<const Registration*, GatedPerception> trackers_;  // Of a sequence: one for each tree.
+  std::map<const Registration*, Sequence> sequences_;  // One for each tree.
 };
+
+Pose CaseRunner::track(const Case& one, int frame, const XrayViews& views, const Registration& registration,
+                       CaseOutcome& outcome) {
+  const VesselTree& tree = registration.tree();
+  auto found = sequences_.find(&registration);
+  if (found == sequences_.end()) {
+    found = sequences_
+                .emplace(&registration, Sequence{trackerOf(settings_, tree), catheterOf(settings_.registration, tree)})
+                .first;
+  }
+  Sequence& sequence = found->second;
+  const GatedObservation seen = sequence.tracker.observe(views, placeOf(one, static_cast<std::size_t>(frame)));
+  sequence.tracker.learn();
+  outcome.result = seen.observation.registration;
+  outcome.rejection = seen.rejection;
+  std::optional<RegisteredByCatheter> by;
+  if (sequence.catheter && views.size() == 1 && outcome.result.status != RegistrationStatus::kConverged) {
+    by = sequence.catheter->observe(views.front(), one.initial_pose, kCatheterPeriod_s);
+  }
+  if (by) {
+    const RegistrationTimes before = outcome.result.times;
+    outcome.result = by->result;
+    outcome.result.times += before;
+    outcome.rejection = by->rejection;
+    outcome.by_catheter = true;
+  }
+  outcome.followed = !outcome.rejection;
+  addUses(by ? by->vessels : tree, outcome);
+  if (settings_.point_covariance) addPointCovariances(tree, outcome);
+  return seen.observation.predicted.T_camera_model;
+}
 
 CaseOutcome CaseRunner::run(const Case& one, int frame) {
   auto& registration = registrations_[one.tree_path];
@@ -107,21 +190,15 @@ CaseOutcome CaseRunner::run(const Case& one, int frame) {
   PosePrior prior;
   prior.T_camera_model = one.initial_pose;
   if (set_.sequence) {
-    GatedPerception& tracker = trackers_.try_emplace(registration.get(), trackerOf(settings_, tree)).first->second;
-    const GatedObservation seen = tracker.observe(views, placeOf(one, static_cast<std::size_t>(frame)));
-    tracker.learn();
-    prior.T_camera_model = seen.observation.predicted.T_camera_model;
-    outcome.result = seen.observation.registration;
-    outcome.rejection = seen.rejection;
-    outcome.followed = !seen.rejection;
+    prior.T_camera_model = track(one, frame, views, *registration, outcome);
   } else {
     outcome.result = registration->search(views, prior, settings_.starts);
+    addClaims(tree, settings_.point_covariance, outcome);
   }
   if (settings_.displacements && outcome.result.displacements_m.cols() == 0) {
     outcome.result.displacements_m.setZero(3, tree.size());
   }
   outcome.pixel_at_isocenter_m = (outcome.result.T_camera_model * tree.centroid()).z() / camera.parameters().fx_px;
-  addClaims(tree, settings_.point_covariance, outcome);
   if (one.truth_pose) {
     const PlacedTree truth{*one.truth_pose, one.truth_displacements_path
                                                 ? readDisplacements(*one.truth_displacements_path, tree.size())
@@ -143,28 +220,8 @@ PatientTrackerSettings trackerOfCases() {
 }
 
 void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome) {
-  const RegistrationResult& result = outcome.result;
-  outcome.usable_for.clear();
-  outcome.point_covariances_m2.clear();
-  if (!result.covariance || !result.covariance->allFinite()) return;
-  const PatientObservation seen{result.T_camera_model, *result.covariance, result.points};
-  const Eigen::Matrix3Xd& points = tree.points();
-  if (of_each_point) {
-    for (Eigen::Index i = 0; i < points.cols(); ++i) {
-      outcome.point_covariances_m2.push_back(seen.pointCovariance(points.col(i)));
-    }
-  }
-  if (result.status != RegistrationStatus::kConverged) return;
-  const double enough_m = 1e-3 * RegistrationGateSettings().max_target_std_mm;
-  double places = 0, across = 0, everywhere = 0;
-  const Eigen::Index stride = std::max<Eigen::Index>(1, points.cols() / kPlaces);
-  for (Eigen::Index i = stride / 2; i < points.cols(); i += stride, ++places) {
-    across += seen.worstStdAcross_m(points.col(i)) <= enough_m;
-    everywhere += seen.worstStd_m(points.col(i)) <= enough_m;
-  }
-  if (across >= kMinUsableShare * places) outcome.usable_for.push_back("centre");
-  if (everywhere >= kMinUsableShare * places) outcome.usable_for.push_back("view");
-  if (across >= kMinUsableShare * places) outcome.usable_for.push_back("navigate");
+  addUses(tree, outcome);
+  if (of_each_point) addPointCovariances(tree, outcome);
 }
 
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress) {

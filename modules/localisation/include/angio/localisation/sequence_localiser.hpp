@@ -53,6 +53,7 @@ struct SequenceResult {
   std::vector<TipBelief> beliefs;  ///< One a frame, by all frames (forward and backward).
   std::vector<TipPlace> path;      ///< One a frame: the most probable route of the tip as a whole (Viterbi).
   double residual_px = 0;          ///< Mean of the frames'.
+  double log_evidence = 0;         ///< Of all frames, up to a constant of their curves: compares results of one sequence.
   bool converged = false;          ///< The route and the residual have settled.
 };
 

@@ -106,6 +106,7 @@ void visitRow(Fields& f, RecordOf<Fields, CaseOutcome>& outcome) {
   f("pixel_at_isocenter_m", outcome.pixel_at_isocenter_m);
   f("followed", outcome.followed);
   f("rejection", outcome.rejection);
+  f("by_catheter", outcome.by_catheter);
   f("claim", outcome.claim);
   f("usable_for", outcome.usable_for);
   f("point_covariances_m2", outcome.point_covariances_m2);

@@ -39,6 +39,7 @@ struct CaseOutcome {
   double pixel_at_isocenter_m = 0;       ///< Size of the first view's pixel at the depth of the tree's centroid.
   std::optional<bool> followed;          ///< Of a frame of a sequence: whether it passed the gate, and is tracked.
   std::optional<std::string> rejection;  ///< Why the gate rejected it; nothing when it passed, or is of no sequence.
+  bool by_catheter = false;              ///< Whether the vessels that a catheter lies in have been registered, alone.
   /// Of a result with a covariance and a known truth: shares of the tree's points that lie further off than the
   /// covariance claims.
   struct Claim {
@@ -63,8 +64,10 @@ struct CaseOutcome {
 
 /// Runs every case with one method. The cases of a sequence, at 15 a second, are tracked as a loop tracks its frames:
 /// by GatedPerception with its own defaults, the method searching and tracking; an initial pose stands for what joints
-/// and calibration say of that frame. After SIGINT or SIGTERM no case is begun; returns those that are finished. Throws
-/// InputError for files that cannot be read, Interrupted when no case is finished.
+/// and calibration say of that frame. Frames of one curve alone that no pose explains are a catheter's: with
+/// `oriented_kernel` they are registered by CatheterRegistration as soon as it can; alignment, spread and uses are then
+/// those of the vessels that the catheter lies in. After SIGINT or SIGTERM no case is begun; returns those that are
+/// finished. Throws InputError for files that cannot be read, Interrupted when no case is finished.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress = {});
 
 /// One method's figures over all cases, as people compare methods.

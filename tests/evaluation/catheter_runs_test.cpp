@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+#include "angio/evaluation/catheter_runs.hpp"
+
+#include <gtest/gtest.h>
+
+#include "angio/io/vessel_files.hpp"
+#include "angio/perception/catheter_registration.hpp"
+#include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
+#include "angio/test/shared_data.hpp"
+#include "angio/vessel/projection.hpp"
+
+namespace angio::test {
+namespace {
+
+const VesselTree& hepaticTree() {
+  static const VesselTree tree = readVesselTree(exampleData("hepatic-tace/tree.csv"));
+  return tree;
+}
+
+// Poses are 20 mm and 1.5 deg off, per axis, and the vessels 3 mm.
+TEST(CatheterRuns, PinTheVesselsThatTheyLieInAndClaimWhatTheyKnow) {
+  CatheterRunSettings settings;
+  settings.frames = 6;
+  settings.deformation_rms_mm = 3;
+  int registered = 0;
+  for (int index = 0; index < 2; ++index) {
+    const auto frames = catheterRun(hepaticTree(), settings, index);
+    ASSERT_EQ(frames.size(), 6);
+    for (int k = 0; k < 3; ++k) EXPECT_FALSE(frames[k].registered) << "three frames do not make a run";
+    for (const CatheterRunFrame& frame : frames) {
+      registered += frame.registered;
+      if (!frame.converged) continue;
+      EXPECT_LT(*frame.across_m, 3e-3);
+      EXPECT_LE(frame.claim->beyond, 0.05);
+      // The run says nothing of depth: 40 mm are claimed, 20 mm were drawn.
+      EXPECT_GT(frame.claim->depth_in, 0.9);
+    }
+  }
+  EXPECT_GE(registered, 5);
+}
+
+TEST(CatheterRuns, AreTheSameForTheSameSeed) {
+  CatheterRunSettings settings;
+  settings.frames = 5;
+  const auto once = catheterRun(hepaticTree(), settings, 1), again = catheterRun(hepaticTree(), settings, 1);
+  ASSERT_TRUE(once.back().across_m);
+  EXPECT_EQ(*once.back().across_m, *again.back().across_m);
+  settings.seed = 2;
+  EXPECT_NE(once.back().across_m, catheterRun(hepaticTree(), settings, 1).back().across_m);
+}
+
+TEST(CatheterRuns, HaveNoFramesInATreeWithoutALongRoute) {
+  const Eigen::Matrix3Xd short_vessel = Eigen::Vector3d::UnitX() * Eigen::RowVectorXd::LinSpaced(20, 0, 0.05);
+  std::vector<int> parents;
+  for (int i = 0; i < 20; ++i) parents.push_back(i - 1);
+  EXPECT_TRUE(catheterRun(VesselTree(short_vessel, parents), {}, 0).empty());
+}
+
+// The tree's own image: many curves, of which a catheter would be one at most.
+TEST(CatheterRegistration, TakesNoFrameThatShowsMoreThanOneCurve) {
+  test::Random random(1);
+  const XrayCamera camera = test::clinicalCamera();
+  const Pose T = test::viewOf(hepaticTree(), random);
+  const Centerline2d vessels = projectedCenterline(hepaticTree(), camera, T);
+  CatheterRegistration registration({}, hepaticTree());
+  for (int k = 0; k < 4; ++k) EXPECT_FALSE(registration.observe({vessels, camera}, T, 0.5));
+}
+
+// A straight line across the image is in no vessel: it never pins one.
+TEST(CatheterRegistration, IsNotPinnedByALineThatIsInNoVessel) {
+  test::Random random(2);
+  const XrayCamera camera = test::clinicalCamera();
+  const Pose T = test::viewOf(hepaticTree(), random);
+  Eigen::Matrix2Xd line(2, 100);
+  line.row(0).setLinSpaced(50, 950);
+  line.row(1).setLinSpaced(60, 80);
+  const Centerline2d wire = makeCenterline(line, std::vector<int>(100, 0));
+  CatheterRegistration registration({}, hepaticTree());
+  for (int k = 0; k < 5; ++k) {
+    const auto by = registration.observe({wire, camera}, T, 0.5);
+    EXPECT_FALSE(by && by->result.status == RegistrationStatus::kConverged);
+  }
+}
+
+}  // namespace
+}  // namespace angio::test
