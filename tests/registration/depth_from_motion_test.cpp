@@ -111,6 +111,7 @@ TEST(DepthFromMotion, FindsTheDepthOfADeformedTree) {
     const auto found = turn.fit();
     ASSERT_TRUE(found);
     EXPECT_EQ(found->registration.status, RegistrationStatus::kConverged) << found->registration.reason;
+    EXPECT_TRUE(found->registration.low_score_suffices) << "it ends near its start";
     EXPECT_NEAR(found->turn_rad, degToRad(6), 1e-3);
     EXPECT_GE(turn.within(found->registration, 3), 0.95) << seed;
     alone_m2 += std::pow(turn.depthError_m(turn.alone()), 2) / kTrees;

@@ -279,6 +279,8 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
   seen.alignment = alignmentScore(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
+  const PosePriorTerm usual = beliefOf({prior.T_camera_model, {}}, OrientedKernelSettings{}, evidence.centroid);
+  seen.low_score_suffices = isNearStart(usual, T_camera_centered);
   classify(tree, seen);
   result.turn_rad = chosen.turn_rad;
   result.axis = chosen.axis;

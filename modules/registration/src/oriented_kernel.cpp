@@ -82,10 +82,6 @@ constexpr double kWidest = 3;
 // Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
 constexpr int kNearbyRounds = 3;
-// The settings' own belief of a start holds 99 % within this, of six unknowns. A fit that ended farther away began with
-// more vessels that were matched with their neighbours: of 40 brains deformed by 5 mm, 15 deg / 30 mm away, three that
-// score 0.48 to 0.54 in two views are wrong by their own claim.
-constexpr double kNearStart2 = 16.8;
 constexpr std::size_t kCompared = 4;
 
 class OrientedKernel final : public Registration {
@@ -371,7 +367,7 @@ class OrientedKernel final : public Registration {
           claims.factor = claimsOfViews(deformed);
           claims.misfit = std::make_shared<LocalMisfit>(frame_.views(), model_, model_.points + fit.displacements_m,
                                                         fit.T_camera_centered);
-          result.low_score_suffices = usual_belief_.cost(fit.T_camera_centered) <= kNearStart2;
+          result.low_score_suffices = isNearStart(usual_belief_, fit.T_camera_centered);
         }
         setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result, claims);
         keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);

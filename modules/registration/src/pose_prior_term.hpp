@@ -33,6 +33,10 @@ PosePriorTerm priorTerm(const IterativePnpSettings& settings, const PosePrior& p
 /// The prior's own covariance, or the settings' standard deviations; in units of a negative log-likelihood (twice).
 PosePriorTerm beliefOf(const PosePrior& prior, const OrientedKernelSettings& settings, const Eigen::Vector3d& centroid);
 
+/// Whether a pose lies within what the settings' own belief of a start holds with 99 %. A fit that ended farther away
+/// began with more vessels that were matched with their neighbours.
+bool isNearStart(const PosePriorTerm& usual_belief, const Pose& T_camera_centered);
+
 /// The term of a method without a prior of its own, in square pixels as the data term of a match known to 1 px: what
 /// came with the start, or nothing.
 PosePriorTerm givenPrior(const PosePrior& prior, const Eigen::Vector3d& centroid);
