@@ -173,6 +173,7 @@ clinical() {
     for figure in mean_image_residual_px; do
       grep -A6 "\"$figure\": {" "$work/clinical.json" | grep '"mean"' | sed "s/^ */$figure, mean over frames: /"
     done
+    grep -c '"centre"' "$work/clinical.json" | sed 's/^/frames of use for centre: /'
   done
   echo; echo "the baseline, each frame for itself"
   cp -r examples/data/hepatic-tace "$work/frames-alone"
@@ -182,6 +183,26 @@ clinical() {
   done
   echo; echo "the catheter's tip in the tree: all frames at once, frame by frame, and what the published programs reached"
   "$bin"/angio-evaluate catheter examples/data/hepatic-tace/cases.yaml
+  catheter_runs
+}
+
+# Trees registered by a simulated catheter alone: a liver by two seeds, and the brains in their halves.
+catheter_runs() {
+  local half mm name trees lungs one
+  for mm in 0 3 5; do
+    for one in 1 21; do
+      echo; echo "### catheter runs, liver deformed by $mm mm, seed $one"
+      "$bin"/angio-evaluate catheter-runs --tree examples/data/hepatic-tace/tree.csv --seed "$one" --deformation-mm "$mm"
+    done
+    [ -d "${ANGIO_SHARED_DATA:-}/brava" ] || continue
+    for half in "${halves[@]}"; do
+      IFS=: read -r name trees lungs <<< "$half"
+      local options=()
+      for one in $trees; do options+=(--tree "$ANGIO_SHARED_DATA/brava/$one.swc"); done
+      echo; echo "### catheter runs, brains $name, deformed by $mm mm"
+      "$bin"/angio-evaluate catheter-runs "${options[@]}" --deformation-mm "$mm"
+    done
+  done
 }
 
 phantom() {
