@@ -276,7 +276,8 @@ TEST_F(CatheterNodeTest, IsReplayedBitForBit) {
   settings.loop.navigator.speed_mm_per_s *= 0.5;
   const ReplaySummary slower = replay<CatheterController>(log, {}, stage, tree, kStart, target, settings);
   ASSERT_TRUE(slower.first_difference);
-  EXPECT_NE(slower.first_difference->find("insertion_speed = "), std::string::npos) << *slower.first_difference;
+  // A slower push may go on for longer before it could come to too much force.
+  EXPECT_NE(slower.first_difference->find("valid_for_us = "), std::string::npos) << *slower.first_difference;
 
   const std::string other = folder.path("other.lcm");
   {

@@ -55,6 +55,19 @@ TEST_F(Journey, TargetsAlongCurvesAreSpreadOverTheirLengths) {
   EXPECT_TRUE(targetsAlong(tree, experiment, {curve(3)}, 5).empty());
 }
 
+// A limit that the catheter's friction alone exceeds where the node pushes as fast as it may.
+TEST_F(Journey, KeepsTheForceOfTheDriveBelowItsLimit) {
+  experiment.min_route_mm = 40;
+  experiment.max_s = 25;
+  NavigateParts parts;
+  parts.controller.loop.navigator.max_force_n = 0.03;
+  const NavigateResult row =
+      runNavigationExperiment(tree, readCArmCalibration(test::exampleData("hepatic-tace/carm.yaml")),
+                              navigateTargets(tree, experiment, 12).front(), experiment, parts, 1);
+  EXPECT_LE(row.max_force_n, 0.03);
+  EXPECT_GT(row.max_force_n, 0.3 * 0.03) << "it pushes";
+}
+
 TEST_F(Journey, IsTheSameTwice) {
   experiment.max_s = 8;
   const TreeLocation target = navigateTargets(tree, experiment, 1).front();

@@ -229,6 +229,18 @@ TEST_F(NavigatorTest, PullsBackFromForce) {
   EXPECT_EQ(answer.why, "the drive pushes too hard");
 }
 
+// A catheter that is hooked: no command pulls harder, so that waiting for it to come would be for ever.
+TEST_F(NavigatorTest, PushesAgainWhereAPullHasComeToItsFullForce) {
+  NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  (void)navigator.step(input);
+  input.drive.insertion_force_n = 0.75;
+  EXPECT_EQ(navigator.step(input).state, NavigationState::kBackingOff);
+  input.drive.insertion_force_n = -0.7;
+  EXPECT_LT(navigator.step(input).command.insertion_speed_m_per_s, 0);
+  input.drive.insertion_force_n = -0.73;
+  EXPECT_GT(navigator.step(input).command.insertion_speed_m_per_s, 0);
+}
+
 TEST_F(NavigatorTest, RefusesATargetThatIsNoPlaceOfTheTree) {
   EXPECT_NE(test::refusalOf([&] { Navigator(tree, {map.branchCount(), 0}, {}); }).find("target"), std::string::npos);
   EXPECT_NE(test::refusalOf([&] { Navigator(tree, {0, 9.0}, {}); }).find("arc_m"), std::string::npos);

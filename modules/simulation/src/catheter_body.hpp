@@ -44,16 +44,18 @@ inline double followed(double output, double input, double half_width) {
   return std::clamp(output, input - half_width, input + half_width);
 }
 
-/// The wall's force on the tip, and contacts counted.
-class TipContacts {
+/// The wall's force on the tip, contacts counted, and the largest forces since the start.
+class FeltForces {
  public:
-  void feel(double tip_force_n) {
+  void feel(double tip_force_n, double insertion_force_n) {
     // Counted anew only after the tip has come half free, or one that trembles would be many.
     const bool touches = tip_force_n > (touches_ ? 0.5 : 1.0) * CatheterSettings::contact_force_n;
     count_ += touches && !touches_;
     touches_ = touches;
     force_n_ = tip_force_n;
     max_force_n_ = std::max(max_force_n_, tip_force_n);
+    max_push_n_ = std::max(max_push_n_, insertion_force_n);
+    max_pull_n_ = std::max(max_pull_n_, -insertion_force_n);
   }
 
   void describe(CatheterTruth& truth) const {
@@ -61,12 +63,14 @@ class TipContacts {
     truth.wall_contacts = count_;
     truth.tip_force_n = force_n_;
     truth.max_tip_force_n = max_force_n_;
+    truth.max_push_n = max_push_n_;
+    truth.max_pull_n = max_pull_n_;
   }
 
  private:
   bool touches_ = false;
   int count_ = 0;
-  double force_n_ = 0, max_force_n_ = 0;
+  double force_n_ = 0, max_force_n_ = 0, max_push_n_ = 0, max_pull_n_ = 0;
 };
 
 }  // namespace angio::simulation

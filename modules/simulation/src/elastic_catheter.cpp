@@ -64,7 +64,7 @@ bool ElasticCatheter::settle(const Base& base) {
 
 void ElasticCatheter::feel() {
   forces_ = rod_.forces();
-  contacts_.feel(forces_.tip_n);
+  felt_.feel(forces_.tip_n, forces_.insertion_n);
   const TreeFrame frame = rod_.lumen().map().frame(rod_.tip());
   const Eigen::Vector3d director = rod_.shape().directors.rightCols<1>();
   const double roll = std::atan2(director.dot(frame.binormal), director.dot(frame.normal));
@@ -80,7 +80,7 @@ CatheterTruth ElasticCatheter::truth() const {
   truth.roll_rad = tip_roll_rad_;
   truth.bend_rad = degToRad(settings_.tip_angle_deg) + bend_rad_;
   truth.buckled = bulges_;
-  contacts_.describe(truth);
+  felt_.describe(truth);
   return truth;
 }
 

@@ -29,7 +29,7 @@ class ElasticCatheter : public CatheterBody {
   double roll_rad_ = 0, bend_rad_ = 0;  // Of the rod at its base, without the zero's offset; of its tip, by steering.
   rod::ElasticRod rod_;
   rod::RodForces forces_;
-  TipContacts contacts_;
+  FeltForces felt_;
   double tip_roll_rad_ = 0;  // Against the vessel's frame, not wrapped.
   bool bulges_ = false;
 };

@@ -70,7 +70,7 @@ CatheterTruth KinematicCatheter::truth() const {
   truth.roll_rad = roll_rad_ + degToRad(settings_.roll_zero_deg);
   truth.bend_rad = degToRad(settings_.tip_angle_deg) + bend_rad_;
   truth.buckled = buckled_;
-  contacts_.describe(truth);
+  felt_.describe(truth);
   return truth;
 }
 
@@ -170,7 +170,7 @@ void KinematicCatheter::feel(double insertion_m) {
     const double lost = std::exp(-settings_.friction * map_.turned_rad(placeAt(tip_m_)));
     tip_force_n_ += std::max(force_n_ - slidingForce(), 0.0) * lost;
   }
-  contacts_.feel(tip_force_n_);
+  felt_.feel(tip_force_n_, force_n_);
 }
 
 double KinematicCatheter::radius(const TreeLocation& place) const {

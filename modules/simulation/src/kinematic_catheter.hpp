@@ -41,7 +41,7 @@ class KinematicCatheter : public CatheterBody {
   double roll_rad_ = 0, bend_rad_ = 0;  // Of the tip; roll without the zero's offset.
   double force_n_ = 0, tip_force_n_ = 0;
   bool blocked_ = false, buckled_ = false;
-  TipContacts contacts_;
+  FeltForces felt_;
 };
 
 }  // namespace angio::simulation

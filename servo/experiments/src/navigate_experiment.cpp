@@ -251,7 +251,7 @@ NavigateResult runNavigationExperiment(const VesselTree& tree, const CArmCalibra
     }
     ++row.frames;
     row.held += report->hold_reason.has_value();
-    row.max_force_n = std::max(row.max_force_n, std::abs(input.drive.insertion_force_n));
+    row.max_force_n = std::max(truth.max_push_n, truth.max_pull_n);
     row.max_tip_force_n = truth.max_tip_force_n;
     row.wall_contacts = truth.wall_contacts;
     row.time_s = journey.lab().now_s();

@@ -23,7 +23,8 @@ CatheterController::CatheterController(const CArmSetup& setup, const VesselTree&
       perception_(
           {settings.perception, settings.supervisor, setup.carm, setup.T_dsa_cb, centroid_, TargetNeed::kAcrossBeam},
           tree),
-      loop_(tree, start, target, settings.loop) {
+      loop_(tree, start, target, settings.loop),
+      force_limiter_(settings.loop.navigator.max_force_n, 1e-3 * settings.loop.latency_ms) {
   if (!settings.ask_for_views) return;
   planner_.emplace(tree, target, bestViewScene(setup.carm, setup.limits, setup.R_lps_model), settings.view);
 }
@@ -42,6 +43,11 @@ CatheterControllerReport CatheterController::refuse(const XrayFrame& frame, cons
   report.command = numbered(frame);
   report.hold_reason = why;
   return report;
+}
+
+void CatheterController::commit(const CatheterCommand& sent) {
+  sequence_ = sent.sequence;
+  force_limiter_.commit(sent);
 }
 
 void CatheterController::withhold(CatheterControllerReport& proposal, const std::string& why) {
@@ -64,6 +70,7 @@ std::optional<std::string> CatheterController::rejection(const XrayFrame& frame,
 CatheterControllerReport CatheterController::propose(const XrayFrame& frame, const CatheterInput& input,
                                                      const ExternalEstimates&) {
   if (const auto why = rejection(frame, input)) return refuse(frame, *why);
+  force_limiter_.observe(input.drive);
   CatheterControllerReport report;
   report.command = numbered(frame);
   if (planner_) {
@@ -84,7 +91,7 @@ CatheterControllerReport CatheterController::propose(const XrayFrame& frame, con
   if (!report.hold_reason && !isFinite(wanted)) report.hold_reason = "the command is not a number";
   if (report.hold_reason) return report;
   wanted.sequence = report.command.sequence;
-  report.command = wanted;
+  report.command = force_limiter_.limited(wanted);
   return report;
 }
 

@@ -7,6 +7,7 @@
 #include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
+#include "angio/navigation/drive_force_limiter.hpp"
 #include "route_view.hpp"
 
 namespace angio::navigation {
@@ -202,7 +203,7 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
   }
   const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
   if (!pushing) since_.reset();
-  if (pushing && input.drive.insertion_force_n > settings_.max_force_n) {
+  if (pushing && input.drive.insertion_force_n >= DriveForceLimiter::full_share * settings_.max_force_n) {
     since_.reset();
     return "the drive pushes too hard";
   }
@@ -279,6 +280,10 @@ NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteVie
   // A loose tip that is pulled springs, and sometimes into the branch that it is to go to.
   if (isLoose() && missed_beside_ && hasEntered(input)) return enter(input, view);
   if (path_m <= 1e-3) return follow(input, view);
+  if (input.drive.insertion_force_n <= -DriveForceLimiter::full_share * settings_.max_force_n) {  // It is hooked.
+    state_ = NavigationState::kFollowing;
+    return view.on_route ? follow(input, view) : go(input, pushSpeed(settings_.fork_speed_mm_per_s), 0, 0);
+  }
   NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_per_s, 0, 0);
   answer.why = why_;
   return answer;

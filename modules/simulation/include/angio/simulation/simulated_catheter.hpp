@@ -25,6 +25,8 @@ struct CatheterTruth {
   int wall_contacts = 0;       ///< Since the start, each counted once.
   double tip_force_n = 0;      ///< Of the wall on the tip [N]; of an elastic catheter, from its bend to its end.
   double max_tip_force_n = 0;  ///< The largest since the start [N], at every step of 5 ms.
+  double max_push_n = 0;       ///< The largest with which the drive pushed since the start [N], the same.
+  double max_pull_n = 0;       ///< The same of pulling.
 };
 
 class CatheterBody;

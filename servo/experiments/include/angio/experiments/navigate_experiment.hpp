@@ -74,7 +74,7 @@ struct NavigateResult {
   int views = 0;                      ///< That the C-arm took.
   int misses = 0;                     ///< Wrong branches and walls that the navigator noticed.
   int wall_contacts = 0;              ///< True ones.
-  double max_force_n = 0;             ///< At the drive.
+  double max_force_n = 0;             ///< At the drive, pushing or pulling, at every step of 5 ms.
   double max_tip_force_n = 0;         ///< Of the wall on the tip.
   int frames = 0, held = 0;           ///< And those on which the drive stood still.
   int looked = 0;                     ///< Frames that were searched for the catheter.

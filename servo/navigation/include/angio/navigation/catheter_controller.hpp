@@ -5,6 +5,7 @@
 #include <string>
 
 #include "angio/navigation/catheter_loop.hpp"
+#include "angio/navigation/drive_force_limiter.hpp"
 #include "angio/navigation/drive_monitor.hpp"
 #include "angio/navigation/view_planner.hpp"
 #include "angio/perception/gated_perception.hpp"
@@ -87,6 +88,8 @@ struct CatheterControllerReport {
 /// out. Then each frame is searched for the catheter along the registered tree. When the C-arm has turned, or the table
 /// has gone far, the next roadmap is waited for. With `ask_for_views` a journey begins with a view that it asks for,
 /// and the drive rests until the C-arm says that the view is reached.
+///
+/// Whatever moves the drive goes through a DriveForceLimiter last, with the navigator's `max_force_n`.
 class CatheterController {
  public:
   using Input = CatheterInput;
@@ -108,7 +111,7 @@ class CatheterController {
   static void withhold(CatheterControllerReport& proposal, const std::string& why);
 
   /// The command that was sent for the last frame.
-  void commit(const CatheterCommand& sent) { sequence_ = sent.sequence; }
+  void commit(const CatheterCommand& sent);
 
   /// What a frame's answer need not wait for: GatedPerception::learn().
   void learn() { perception_.learn(); }
@@ -151,6 +154,7 @@ class CatheterController {
   Eigen::Vector3d centroid_;
   GatedPerception perception_;
   CatheterLoop loop_;
+  DriveForceLimiter force_limiter_;
   std::optional<Roadmap> roadmap_;
   int located_frames_ = 0, unseen_frames_ = 0;  // Frames in a row, of a roadmap that is being made.
   bool washed_out_ = false;

@@ -66,7 +66,8 @@ struct NavigatorSettings {
     v.number("bend_speed_deg_per_s", bend_speed_deg_per_s, 1, 720, "Speed of the bend");
     v.number("valid_for_ms", valid_for_ms, 20, 1000, "How long a command may be obeyed");
     v.integer("tries", tries, 1, 100, "Tries at one fork");
-    v.number("max_force_n", max_force_n, 0.01, 20, "Force at the drive above which it pulls back");
+    v.number("max_force_n", max_force_n, 0.01, 20,
+             "Largest force at the drive, pushing or pulling; from nine tenths of it on it goes the other way");
   }
 };
 
