@@ -6,6 +6,7 @@
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/calibration/carm_files.hpp"
 #include "angio/calibration/geometry_calibration.hpp"
 #include "angio/calibration/geometry_pictures.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -22,16 +23,6 @@ struct GeometryOptions {
   std::string views, camera, out, settings, machine, report;
   std::optional<FlexModel> flex;
   double max_age_days = RecordGate().max_age_days;
-};
-
-struct Settings {
-  BeadDetectionSettings detection;
-  GeometrySettings geometry;
-
-  void visit(SettingsVisitor& v) {
-    v.section("detection", [this](SettingsVisitor& s) { detection.visit(s); });
-    v.section("geometry", [this](SettingsVisitor& s) { geometry.visit(s); });
-  }
 };
 
 std::string tableOf(const GeometryCalibration& found) {
@@ -78,7 +69,7 @@ void writeGeometryReport(const std::string& folder, const std::string& views, co
 
 int runGeometry(const GeometryOptions& o) {
   const ClaimedOutputs claimed(o.out, o.report);
-  Settings settings;
+  GeometryFileSettings settings;
   if (!o.settings.empty()) settings = readSettings(o.settings, settings);
   settings.geometry.flex = o.flex.value_or(settings.geometry.flex);
   std::optional<ProgressBar> bar;
@@ -91,16 +82,8 @@ int runGeometry(const GeometryOptions& o) {
   for (const auto& warning : checkRecords(o.camera, input.records, {machine, o.max_age_days})) {
     std::cerr << "angio-calibrate: " << warning << "\n";
   }
-  GeometryCalibration found = calibrateGeometry(input, settings.geometry);
-  found.record.machine = machine;
-  found.record.date = dateNow();
-  found.record.inputs = input.inputs;
-  CArmFile file;
-  file.carm = found.carm;
-  file.machine = machine;
-  file.records = input.records;
-  file.records.push_back(found.record);
-  writeCArmFile(o.out, file);
+  const GeometryCalibration found = calibrateGeometry(input, settings.geometry);
+  writeCArmFile(o.out, carmFileOf(input, found, machine));
   if (!o.report.empty()) writeGeometryReport(o.report, o.views, found);
   std::cout << tableOf(found);
   return 0;
@@ -129,7 +112,7 @@ void addCalibrateGeometry(cli::Command& app, Work& work) {
   command->addOption("--max-calibration-age-days", o->max_age_days, "An older camera is warned of")
       ->check(between(0, 1e6));
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections detection and geometry",
-                     settingsInForce<Settings>);
+                     settingsInForce<GeometryFileSettings>);
   command->addOption("--report", o->report, "Folder for pictures and a page (index.html)");
   command->onChosen([o, &work] { work = [o] { return runGeometry(*o); }; });
 }

@@ -10,6 +10,7 @@
 #include "angio/apps/namespace.hpp"
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
+#include "angio/calibration/carm_files.hpp"
 #include "angio/calibration/hand_eye_simulation.hpp"
 #include "angio/calibration/pose_pictures.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
@@ -55,11 +56,6 @@ PoseSet posesOf(const HandEyeOptions& o, const std::optional<CArmFile>& carm) {
   if (o.poses.empty())
     throw InputError("", "POSES", "", "is missing: a pose set, --moveit, --visp or --simulate-trials");
   return readPoseSet(o.poses, carm ? &carm->carm : nullptr);
-}
-
-void requireMachine(const std::string& path, const CArmFile& carm, const PoseSet& set) {
-  if (carm.machine.empty() || set.machine.empty() || carm.machine == set.machine) return;
-  throw InputError(path, "machine", carm.machine, "must be the poses' machine, " + set.machine);
 }
 
 std::string residualsText(const HandEyeResiduals& r) {
@@ -191,18 +187,7 @@ void writeResult(const HandEyeOptions& o, const std::optional<CArmFile>& carm, c
     return;
   }
   record.inputs.push_back(hashedInput(o.carm));
-  writePatient(o.out, *carm, result.transforms.Z, record);
-}
-
-// T_dsa_cb goes with the camera's place on the C-arm: a file whose geometry has it elsewhere would use it wrongly.
-std::optional<std::string> doubtOfMount(const HandEyeResult& result) {
-  if (result.covariance.rows() != 12) return std::nullopt;
-  constexpr double kCertain = 35;  // Chi^2 of six dimensions, beyond any doubt.
-  Vector6d off;
-  off << result.transforms.X.translation(), logSO3(result.transforms.X.linear());
-  if (squaredMahalanobis(off, result.covariance.topLeftCorner<6, 6>()) < kCertain) return std::nullopt;
-  return formatted("the camera sits %.2f deg and %.1f mm off where the C-arm file has it: calibrate the geometry first",
-                   radToDeg(off.tail<3>().norm()), 1e3 * off.head<3>().norm());
+  writeCArmFile(o.out, withPatient(*carm, result.transforms.Z, record));
 }
 
 // Errors of many trials, as a row of a table.
@@ -289,12 +274,9 @@ int runHandEye(HandEyeOptions o) {
   if (!o.carm.empty()) carm = readCArmFile(o.carm);
   if (o.trials > 0) return simulateHandEye(o, carm ? carm->carm : CArmGeometry());
   const PoseSet set = posesOf(o, carm);
-  if (carm) requireMachine(o.carm, *carm, set);
-  if (carm && set.setup != HandEyeSetup::kEyeInHand)
-    throw InputError(set.path, "setup", "eye_to_hand", "must be eye_in_hand with --carm");
+  if (carm) requirePosesOf(set, o.carm, *carm);
   if (!o.write_poses.empty()) writePoseSet(o.write_poses, set);
-  HandEyeResult result = calibrateHandEye(set, o.settings);
-  if (const auto doubt = carm ? doubtOfMount(result) : std::nullopt) result.warnings.push_back(*doubt);
+  const HandEyeResult result = carm ? calibratePatient(set, o.settings) : calibrateHandEye(set, o.settings);
   if (!o.out.empty()) writeResult(o, carm, set, result);
   const std::string table = handEyeTable(set, o.settings, result, carm.has_value());
   if (!o.report.empty()) writeHandEyeReport(o.report, set, result, table);

@@ -11,6 +11,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/calibration/anatomy_registration.hpp"
+#include "angio/calibration/carm_files.hpp"
 #include "angio/calibration/pose_pictures.hpp"
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/pose_fields.hpp"
@@ -178,7 +179,7 @@ void writeAnatomy(const RegistrationOptions& o, const AnatomyCases& cases, const
   if (!machine.empty() && !record.machine.empty() && machine != record.machine) {
     throw InputError(o.carm, "machine", machine, "must be the angles' machine, " + record.machine);
   }
-  writePatient(o.out, *cases.carm, T_dsa_cb, record, modelId(tree));
+  writeCArmFile(o.out, withPatient(*cases.carm, T_dsa_cb, record, modelId(tree)));
 }
 
 // For a person: T_dsa_cb, the runs' shifts, each view against the others. `left_out` names those that were not

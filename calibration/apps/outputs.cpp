@@ -54,19 +54,4 @@ std::string transformRow(const std::string& name, const Pose& T, const Eigen::Ma
   return row + " deg (rotation vector; sigma of turns about the parent's axes)\n";
 }
 
-void writePatient(const std::string& path, CArmFile carm, const Pose& T_dsa_cb, const CalibrationRecord& record,
-                  ModelId model_id) {
-  carm.T_dsa_cb = T_dsa_cb;
-  carm.model_id = model_id;
-  if (carm.machine.empty()) carm.machine = record.machine;
-  const auto old = std::find_if(carm.records.begin(), carm.records.end(),
-                                [&](const CalibrationRecord& other) { return other.kind == record.kind; });
-  if (old != carm.records.end()) {
-    *old = record;
-  } else {
-    carm.records.push_back(record);
-  }
-  writeCArmFile(path, carm);
-}
-
 }  // namespace angio::apps

@@ -48,9 +48,4 @@ std::string printed(const std::string& text);
 /// A transform for a person, two lines: translation and rotation vector, each number with its sigma.
 std::string transformRow(const std::string& name, const Pose& T, const Eigen::MatrixXd& covariance);
 
-/// Writes a C-arm file with T_dsa_cb and its record, in the place of an older one of its kind; the machine is the
-/// record's where the file names none. `model_id`: the tree of T_dsa_cb.
-void writePatient(const std::string& path, CArmFile carm, const Pose& T_dsa_cb, const CalibrationRecord& record,
-                  ModelId model_id = ModelId::kUnknown);
-
 }  // namespace angio::apps

@@ -4,6 +4,7 @@ import json
 import subprocess
 
 import numpy as np
+import pytest
 
 import angio
 from program import without_times
@@ -71,3 +72,45 @@ def test_hand_eye():
     cameras = [np.linalg.inv(hand @ X) @ Z for hand in hands]
     found = angio.calibrate_hand_eye(hands, cameras)
     assert np.allclose(found["T_hand_camera"], X, atol=1e-6) and np.allclose(found["T_base_object"], Z, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def simulated(programs, tmp_path_factory):
+    """Views and poses of a simulated C-arm, and its camera, by the programs."""
+    folder = tmp_path_factory.mktemp("calibration")
+
+    def calibrate(*options):
+        subprocess.run([str(programs / "angio-calibrate"), *map(str, options)], check=True, capture_output=True)
+
+    calibrate("simulate", "--images", "none", "--out", folder / "data")
+    calibrate("camera", folder / "data/camera/views.yaml", "--out", folder / "camera.yaml")
+    return folder, calibrate
+
+
+def without_date(path):
+    return [line for line in path.read_text().splitlines() if "date" not in line]
+
+
+def test_geometry_and_hand_eye_of_a_carm(simulated):
+    """Files are those of angio-calibrate, but for their dates, and T_dsa_cb is what the loop reads of them."""
+    folder, calibrate = simulated
+    views, camera, poses = folder / "data/geometry/views.yaml", folder / "camera.yaml", folder / "data/hand-eye/poses.yaml"
+    calibrate("geometry", views, "--camera", camera, "--out", folder / "carm.yaml")
+    found = angio.calibrate_geometry_views(str(views), str(camera))
+    found.write(str(folder / "carm-python.yaml"))
+    assert without_date(folder / "carm-python.yaml") == without_date(folder / "carm.yaml")
+    assert found.record["residual_rms"] > 0 and len(found.views) == len(found.record["views"])
+    assert found.carm.source_isocenter_distance_m == pytest.approx(0.78, abs=0.05)
+    rigid = angio.calibrate_geometry_views(str(views), str(camera), settings={"geometry": {"flex": "none"}})
+    assert not any(name.startswith("flex") for name in rigid.record["parameters"])
+
+    carm = str(folder / "carm.yaml")
+    calibrate("hand-eye", poses, "--carm", carm, "--known-mount", "--out", folder / "lab.yaml")
+    patient = angio.calibrate_hand_eye_poses(str(poses), carm=carm, out=str(folder / "lab-python.yaml"), settings={"mount": "identity"})
+    assert without_date(folder / "lab-python.yaml") == without_date(folder / "lab.yaml")
+    assert np.allclose(angio.read_carm_calibration(str(folder / "lab.yaml")).T_dsa_cb, patient["T_dsa_cb"], atol=1e-9)
+    truth = angio.read_carm_calibration(str(folder / "data/truth/carm.yaml")).T_dsa_cb
+    off = angio.log_se3(np.linalg.inv(truth) @ patient["T_dsa_cb"])
+    assert np.degrees(np.linalg.norm(off[3:])) < 0.5 and np.linalg.norm(off[:3]) < 5e-3
+    with pytest.raises(angio.InputError, match="out.*needs carm"):
+        angio.calibrate_hand_eye_poses(str(poses), out=str(folder / "none.yaml"))

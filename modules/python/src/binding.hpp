@@ -33,6 +33,7 @@ void bindBus(py::module_& m);
 void bindLogs(py::module_& m);
 void bindSimulation(py::module_& m);
 void bindServo(py::module_& m);
+void bindNavigation(py::module_& m);
 void bindEvaluation(py::module_& m);
 void bindCalibration(py::module_& m);
 

@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "angio/calibration/camera_calibration.hpp"
+#include "angio/calibration/carm_files.hpp"
 #include "angio/calibration/hand_eye.hpp"
 #include "angio/calibration/view_set.hpp"
 #include "fields.hpp"
@@ -72,9 +73,7 @@ PoseSet poseSet(const std::vector<Numbers>& hands, const std::vector<Numbers>& c
 }
 
 // Transforms under their names, the record, and each pose's fit.
-py::dict handEye(const PoseSet& set, const py::object& settings) {
-  const auto asked = withFields(HandEyeSettings{}, settings, "settings");
-  const HandEyeResult found = unlocked([&] { return calibrateHandEye(set, asked); });
+py::dict handEye(const PoseSet& set, const HandEyeSettings& settings, const HandEyeResult& found) {
   const auto [x, z] = transformNames(set.setup);
   py::dict result;
   result[x.c_str()] = arrayOf(found.transforms.X);
@@ -82,8 +81,97 @@ py::dict handEye(const PoseSet& set, const py::object& settings) {
   result["covariance"] = found.covariance;
   result["outliers"] = found.outliers();
   result["warnings"] = found.warnings;
-  result["record"] = pythonOf(recordAsJson(handEyeRecord(set, asked, found)));
+  result["record"] = pythonOf(recordAsJson(handEyeRecord(set, settings, found)));
   return result;
+}
+
+py::dict handEyeOfArrays(const std::vector<Numbers>& T_base_hand, const std::vector<Numbers>& T_camera_object,
+                         bool eye_to_hand, const py::object& settings) {
+  const PoseSet set = poseSet(T_base_hand, T_camera_object, eye_to_hand);
+  const auto asked = withFields(HandEyeSettings{}, settings, "settings");
+  return handEye(set, asked, unlocked([&] { return calibrateHandEye(set, asked); }));
+}
+
+py::dict handEyeOfFile(const std::string& path, const std::optional<std::string>& carm_path,
+                       const std::optional<std::string>& out, const py::object& settings) {
+  const auto asked = withFields(HandEyeSettings{}, settings, "settings");
+  if (!carm_path) {
+    if (out) throw InputError("", "out", *out, "needs carm: a C-arm file is what T_dsa_cb is added to");
+    const PoseSet set = unlocked([&] { return readPoseSet(path); });
+    return handEye(set, asked, unlocked([&] { return calibrateHandEye(set, asked); }));
+  }
+  const CArmFile carm = readCArmFile(*carm_path);
+  const PoseSet set = unlocked([&] { return readPoseSet(path, &carm.carm); });
+  requirePosesOf(set, *carm_path, carm);
+  const HandEyeResult found = unlocked([&] { return calibratePatient(set, asked); });
+  if (out) {
+    CalibrationRecord record = handEyeRecord(set, asked, found);
+    record.inputs.push_back(hashedInput(*carm_path));
+    writeCArmFile(*out, withPatient(carm, found.transforms.Z, record));
+  }
+  py::dict result = handEye(set, asked, found);
+  result["T_dsa_cb"] = arrayOf(found.transforms.Z);
+  return result;
+}
+
+// A geometry with the C-arm file that angio-calibrate makes of it.
+struct CalibratedGeometry {
+  GeometryCalibration found;
+  CArmFile file;
+};
+
+CalibratedGeometry geometryOfFile(const std::string& views_path, const std::string& camera_path,
+                                  const std::string& machine, const py::object& settings) {
+  const auto asked = withFields(GeometryFileSettings{}, settings, "settings");
+  return unlocked([&] {
+    const GeometryInput input = readGeometryInput(views_path, camera_path, asked.detection);
+    checkRecords(camera_path, input.records, {machine.empty() ? input.machine : machine, RecordGate().max_age_days});
+    const GeometryCalibration found = calibrateGeometry(input, asked.geometry);
+    return CalibratedGeometry{found, carmFileOf(input, found, machine)};
+  });
+}
+
+template <typename Value>
+auto ofGeometry(Value GeometryCalibration::*member) {
+  return [member](const CalibratedGeometry& g) { return g.found.*member; };
+}
+
+void bindGeometryCalibration(py::module_& m) {
+  BoundStruct<GeometryViewFit>(m, "GeometryViewFit")
+      .shows("name", &GeometryViewFit::name)
+      .shows("joints", &GeometryViewFit::joints)
+      .shows("residual", &GeometryViewFit::residual)
+      .shows("miss", &GeometryViewFit::miss)
+      .shows("held_out", &GeometryViewFit::held_out)
+      .shows("left_out", &GeometryViewFit::left_out);
+  using G = GeometryCalibration;
+  const auto said = [](const char* field) { return fieldDoc(std::string("GeometryCalibration.") + field); };
+  py::class_<CalibratedGeometry>(m, "GeometryCalibration", doc("GeometryCalibration"))
+      .def_property_readonly("carm", ofGeometry(&G::carm), "The C-arm as it was found.")
+      .def_property_readonly(
+          "T_patient_phantom", [](const CalibratedGeometry& g) { return arrayOf(g.found.T_patient_phantom); },
+          said("T_patient_phantom"))
+      .def_property_readonly(
+          "record", [](const CalibratedGeometry& g) { return pythonOf(recordAsJson(g.file.records.back())); },
+          "Values, covariance and residuals, with the keys of a file's section `calibration`.")
+      .def_property_readonly("views", ofGeometry(&G::views), said("views"))
+      .def_property_readonly("kept", ofGeometry(&G::kept), said("kept"))
+      .def_property_readonly("doubts", ofGeometry(&G::doubts), said("doubts"))
+      .def_property_readonly("bead_std_px", ofGeometry(&G::bead_std_px), said("bead_std_px"))
+      .def_property_readonly("pose_scatter_m", ofGeometry(&G::pose_scatter_m), said("pose_scatter_m"))
+      .def_property_readonly("pose_scatter_rad", ofGeometry(&G::pose_scatter_rad), said("pose_scatter_m"))
+      .def_property_readonly("rms_without_flex", ofGeometry(&G::rms_without_flex), said("rms_without_flex"))
+      .def(
+          "write", [](const CalibratedGeometry& g, const std::string& path) { writeCArmFile(path, g.file); },
+          "Writes the C-arm file that `angio-calibrate geometry --out` writes, whole or not at all; T_dsa_cb is for "
+          "calibrate_hand_eye_poses to add.",
+          "path"_a);
+  m.def(
+      "calibrate_geometry_views", &geometryOfFile,
+      "Calibrates how a C-arm's joints move its camera, from the files of `angio-calibrate geometry`: views of a bead "
+      "phantom with their joints, or registered poses, and the camera. Settings are a dict or a file of that program, "
+      "sections `detection` and `geometry`. Throws InputError for what leaves the answer open.",
+      "views"_a, "camera"_a, py::kw_only(), "machine"_a = "", "settings"_a = py::none());
 }
 
 }  // namespace
@@ -114,19 +202,15 @@ void bindCalibration(py::module_& m) {
   m.def("calibrate_camera_views", &calibratedFile,
         "The same of a view set's file, as `angio-calibrate camera` reads it.", "path"_a, py::kw_only(),
         "settings"_a = py::none());
-  m.def(
-      "calibrate_hand_eye",
-      [](const std::vector<Numbers>& T_base_hand, const std::vector<Numbers>& T_camera_object, bool eye_to_hand,
-         const py::object& settings) { return handEye(poseSet(T_base_hand, T_camera_object, eye_to_hand), settings); },
-      doc("calibrateHandEye"), "T_base_hand"_a, "T_camera_object"_a, py::kw_only(), "eye_to_hand"_a = false,
-      "settings"_a = py::none());
-  m.def(
-      "calibrate_hand_eye_poses",
-      [](const std::string& path, const py::object& settings) {
-        return handEye(unlocked([&] { return readPoseSet(path); }), settings);
-      },
-      "The same of a pose set's file, as `angio-calibrate hand-eye` reads it.", "path"_a, py::kw_only(),
-      "settings"_a = py::none());
+  m.def("calibrate_hand_eye", &handEyeOfArrays, doc("calibrateHandEye"), "T_base_hand"_a, "T_camera_object"_a,
+        py::kw_only(), "eye_to_hand"_a = false, "settings"_a = py::none());
+  m.def("calibrate_hand_eye_poses", &handEyeOfFile,
+        "The same of a pose set's file, as `angio-calibrate hand-eye` reads it. With the C-arm's file `carm` hands may "
+        "be "
+        "angles, and the result has `T_dsa_cb`; `out` then is that file with T_dsa_cb and its record, written whole or "
+        "not at all. `settings={\"mount\": \"identity\"}` is the program's --known-mount.",
+        "path"_a, py::kw_only(), "carm"_a = py::none(), "out"_a = py::none(), "settings"_a = py::none());
+  bindGeometryCalibration(m);
 }
 
 }  // namespace angio::python

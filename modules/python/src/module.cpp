@@ -51,6 +51,7 @@ PYBIND11_MODULE(_angio, m) {
   bindLogs(m);
   bindSimulation(m);
   bindServo(m);
+  bindNavigation(m);
   bindEvaluation(m);
   bindCalibration(m);
 }

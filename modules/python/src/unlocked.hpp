@@ -28,6 +28,12 @@ class Guarded {
   template <typename Work>
   auto use(const Work& work) {
     const py::gil_scoped_release release;
+    return useUnlocked(work);
+  }
+
+  /// The same for C++ that does not hold Python's lock.
+  template <typename Work>
+  auto useUnlocked(const Work& work) {
     const std::lock_guard<std::recursive_mutex> lock(mutex_);
     return work(object_);
   }

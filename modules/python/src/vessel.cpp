@@ -5,6 +5,7 @@
 #include "angio/vessel/projection.hpp"
 #include "angio/vessel/prune.hpp"
 #include "angio/vessel/resample.hpp"
+#include "angio/vessel/tree_topology.hpp"
 #include "angio/vessel/undistort.hpp"
 #include "fields.hpp"
 
@@ -75,6 +76,10 @@ void bindTree(py::module_& m) {
 
 void bindVessel(py::module_& m) {
   bindTree(m);
+  BoundStruct<TreeLocation>(m, "TreeLocation")
+      .field("branch", &TreeLocation::branch)
+      .field("arc_m", &TreeLocation::arc_m)
+      .takesFields();
   py::enum_<CurveKind>(m, "CurveKind", doc("CurveKind"))
       .value("vessel", CurveKind::kVessel)
       .value("device", CurveKind::kDevice);
