@@ -132,11 +132,9 @@ int main(int argc, char** argv) {
         apps::addEvaluateSimulation(app, work, campaigns);
         apps::addEvaluatePaper(app, work, campaigns);
         apps::addEvaluateExtraction(app, work, campaigns);
+        apps::addEvaluateCatheter(app, work, campaigns);
       },
-      [](cli::Command& app, cli::Work& work) {
-        apps::addEvaluateCatheter(app, work);
-        apps::addEvaluateCatheterRuns(app, work);
-      },
+      apps::addEvaluateCatheterRuns,
       true};
   return campaign::runCampaignProgram(program, argc, argv);
 }

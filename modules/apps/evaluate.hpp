@@ -17,7 +17,7 @@ namespace angio::apps {
 void addEvaluateSimulation(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluatePaper(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campaigns);
-void addEvaluateCatheter(cli::Command& app, Work& work);
+void addEvaluateCatheter(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateCatheterRuns(cli::Command& app, Work& work);
 
 /// What all of them ask of methods.

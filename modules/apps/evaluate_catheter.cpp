@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // angio-evaluate catheter: where a catheter's tip is in the tree, frame by frame of a sequence.
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
@@ -15,17 +15,18 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
 #include "angio/localisation/sequence_localiser.hpp"
+#include "angio/results/campaign.hpp"
 #include "angio/results/columns.hpp"
 #include "angio/results/experiment.hpp"
-#include "angio/results/overlay.hpp"
-#include "angio/results/text_band.hpp"
 #include "angio/vessel/tree_topology.hpp"
+#include "catheter_sheet.hpp"
 #include "evaluate.hpp"
 
 namespace angio::apps {
 namespace {
 
 struct CatheterOptions {
+  CampaignOptions campaign;
   std::string cases, settings, out, sheet;
   double period_s = 0.5;
   int learn_frames = 1;
@@ -65,28 +66,12 @@ VesselTree displaced(const VesselTree& tree, const Eigen::Matrix3Xd& displacemen
   return VesselTree(tree.points() + displacements_m, tree.parents(), tree.radii());
 }
 
-// One frame as one way of looking at the sequence sees it.
-struct Located {
-  TipBelief belief;
-  Pose T_camera_model = Pose::Identity();
-  double time_s = 0;  // Of this frame alone, where frames come one by one.
-};
-
-// One way of looking at a sequence.
-struct CatheterRoute {
-  std::string name;
-  std::vector<Located> frames;
-  VesselTree tree;           // As displaced.
-  std::vector<bool> learnt;  // Frames that pose and displacements were learnt from.
-};
-
 // All frames at once.
-CatheterRoute offline(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
+CatheterRoute offline(const std::string& name, const std::vector<SequenceFrame>& frames, const VesselTree& tree,
                       const SequenceSettings& settings) {
   ProgressBar bar("localising", settings.rounds + 1);
   const SequenceResult result = localiseSequence(frames, tree, settings, [&](int rounds) { bar.show(rounds); });
-  CatheterRoute way{
-      "all frames at once", {}, displaced(tree, result.displacements_m), std::vector<bool>(frames.size(), true)};
+  CatheterRoute way{name, {}, displaced(tree, result.displacements_m), std::vector<bool>(frames.size(), true)};
   for (std::size_t t = 0; t < frames.size(); ++t) {
     way.frames.push_back({result.beliefs[t], frames[t].pose.T_camera_model * result.correction, 0});
   }
@@ -131,48 +116,6 @@ double alongVessels_m(const TreeTopology& map, const TipPlace& a, const TipPlace
   const double at_a_m = map.start_m(a.branch) + a.arc_m, at_b_m = map.start_m(b.branch) + b.arc_m;
   const double fork_m = std::min({end_m, at_a_m, at_b_m});
   return at_a_m + at_b_m - 2 * fork_m;
-}
-
-constexpr int kMargin_px = 4;
-constexpr double kAround_px = 60;  // Of the curves, in the image.
-const cv::Scalar kTreeColor(110, 110, 110), kPathColor(90, 255, 90), kCurveColor(60, 70, 255), kInk(255, 255, 255);
-
-// The camera whose image is cut, scaled and shifted as the picture is.
-XrayCamera pictured(const XrayCamera& camera, const Eigen::Vector2d& shift_px, const Eigen::Vector2d& corner_px,
-                    double scale, const cv::Size& size) {
-  XrayCamera::Parameters p = camera.parameters();
-  p.width_px = size.width;
-  p.height_px = size.height;
-  p.fx_px *= scale;
-  p.fy_px *= scale;
-  p.cx_px = (p.cx_px + shift_px.x() - corner_px.x()) * scale;
-  p.cy_px = (p.cy_px + shift_px.y() - corner_px.y()) * scale;
-  return XrayCamera(p);
-}
-
-cv::Point at(const Eigen::Vector2d& p) { return {cvRound(p.x()), cvRound(p.y())}; }
-
-void drawLine(cv::Mat& canvas, const std::vector<Eigen::Vector2d>& line, const cv::Scalar& color, int width_px) {
-  for (std::size_t i = 1; i < line.size(); ++i)
-    cv::line(canvas, at(line[i - 1]), at(line[i]), color, width_px, cv::LINE_AA);
-}
-
-// The vessels from the root to the tip, in the camera.
-std::vector<Eigen::Vector2d> wayTo(const TipPlace& tip, const VesselTree& tree, const XrayCamera& camera,
-                                   const Pose& T) {
-  const TreeTopology map(tree);
-  std::vector<Eigen::Vector2d> line;
-  for (const int branch : map.pathTo(tip.branch)) {
-    double arc_m = 0;
-    const std::vector<int>& points = map.points(branch);
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      if (k > 0) arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
-      if (branch == tip.branch && arc_m > tip.arc_m) break;
-      if (const auto u = camera.project(T * tree.points().col(points[k]))) line.push_back(*u);
-    }
-  }
-  if (const auto u = camera.project(T * tip.tip_model)) line.push_back(*u);
-  return line;
 }
 
 // The way as other programs read it: {"summary": ..., "cases": {name: chain, arc length, how sure, residual, ...}}.
@@ -259,90 +202,96 @@ std::string catheterSummary(const Json& way) {
 }
 
 // How far two ways put the tip from each other, in one line.
-std::string catheterComparison(const CatheterRoute& a, const CatheterRoute& b) {
+std::string catheterComparison(const Json& a, const Json& b, const std::string& name_of_b) {
   std::vector<double> apart_mm;
   int same = 0;
-  for (std::size_t t = 0; t < a.frames.size(); ++t) {
-    apart_mm.push_back(1e3 * (a.frames[t].belief.tip.tip_model - b.frames[t].belief.tip.tip_model).norm());
-    same += a.frames[t].belief.tip.branch == b.frames[t].belief.tip.branch;
+  for (const auto& [frame, here] : a["cases"].items()) {
+    const Json& there = b["cases"][frame];
+    double squares = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double off_mm = here["tip_mm"][k].get<double>() - there["tip_mm"][k].get<double>();
+      squares += off_mm * off_mm;
+    }
+    apart_mm.push_back(std::sqrt(squares));
+    same += here["chain"] == there["chain"];
   }
   return formatted("tip from that of %s: median %.1f mm, at most %.1f mm; in the same branch in %d frames\n",
-                   b.name.c_str(), percentile(apart_mm, 0.5), percentile(apart_mm, 1), same);
+                   name_of_b.c_str(), percentile(apart_mm, 0.5), percentile(apart_mm, 1), same);
 }
 
-// Frames in rows of `columns`, each cut to what all curves need and scaled to a width of `side_px`: the tree in grey,
-// the way from its root to the tip in green, the curve in red, the tip as a ring. CV_8UC3. Needs at least one frame.
-cv::Mat catheterSheet(const CatheterRoute& way, const std::vector<SequenceFrame>& frames, const CaseSet& set,
-                      int columns, int side_px) {
-  Eigen::Vector2d low = frames.front().seen.points_px.rowwise().minCoeff(),
-                  high = frames.front().seen.points_px.rowwise().maxCoeff();
-  for (const auto& frame : frames) {
-    low = low.cwiseMin(frame.seen.points_px.rowwise().minCoeff());
-    high = high.cwiseMax(frame.seen.points_px.rowwise().maxCoeff());
-  }
-  low.array() -= kAround_px;
-  high.array() += kAround_px;
-  const double scale = side_px / (high - low).x();
-  const cv::Size size(side_px, std::max(1, cvRound(scale * (high - low).y())));
-  std::vector<cv::Mat> pictures;
+constexpr int kWays = 3;  // Each is one run: its frames depend on each other.
+
+std::string nameOfWay(int way, const CatheterOptions& o) {
+  if (way == 0) return "all frames at once";
+  if (way == 1) return formatted("frame by frame, pose and vessels learnt from the first %d", o.learn_frames);
+  return "frame by frame, learnt from every second";
+}
+
+CatheterRoute routeOf(int way, const CatheterOptions& o, const std::vector<SequenceFrame>& frames,
+                      const VesselTree& tree, const SequenceSettings& settings) {
+  if (way == 0) return offline(nameOfWay(way, o), frames, tree, settings);
+  std::vector<bool> learnt(frames.size());
   for (std::size_t t = 0; t < frames.size(); ++t) {
-    const auto& [b, T, time_s] = way.frames[t];
-    const XrayCamera camera = pictured(frames[t].pose.camera, b.shift_px, low, scale, size);
-    OverlayScene scene;
-    scene.trees.push_back({T, {}, kTreeColor, ""});
-    cv::Mat canvas = drawOverlayImage(scene, way.tree, camera);
-    std::vector<Eigen::Vector2d> curve;
-    for (const auto& p : frames[t].seen.points_px.colwise()) curve.push_back(scale * (p - low));
-    const auto path = wayTo(b.tip, way.tree, camera, T);
-    drawLine(canvas, path, kPathColor, 2);
-    drawLine(canvas, curve, kCurveColor, 1);
-    if (!path.empty()) cv::circle(canvas, at(path.back()), 6, kInk, 1, cv::LINE_AA);
-    const std::string caption =
-        formatted("%s: branch %d at %.0f mm", set.cases[t].name.c_str(), b.tip.branch, 1e3 * b.tip.arc_m);
-    pictures.push_back(withBandBelow(canvas, {{caption, cv::Scalar::all(240)}}));
+    learnt[t] = way == 1 ? t < static_cast<std::size_t>(o.learn_frames) : t % 2 == 0;
   }
-  return tiled(pictures, columns, kMargin_px, kInk);
+  return online(nameOfWay(way, o), frames, std::move(learnt), tree, settings);
 }
 
-int evaluateCatheter(const CatheterOptions& o) {
+// Of all ways, as text.
+std::string catheterReport(const Json& ways) {
+  const std::string& first = ways.begin().key();
+  std::string text;
+  std::size_t way = 0;
+  for (const auto& [name, located] : ways.items()) {
+    // Of the last one only the figures: it says what was left out is explained as well.
+    const bool last = ++way == ways.size();
+    text += last ? name + "\n" : catheterTable(name, located);
+    text += "\n" + catheterSummary(located);
+    if (name != first) text += catheterComparison(located, ways.front(), first);
+    if (!last) text += "\n";
+  }
+  return text;
+}
+
+int evaluateCatheter(const CatheterOptions& o, const CatheterFile& file, const CaseSet& set, const CampaignRun& run) {
+  const VesselTree tree = readVesselTree(set.cases.front().tree_path);
+  const auto frames = framesOf(set, file.catheter, o.period_s);
+  cv::Mat sheet;
+  const auto one = [&](int way) {
+    const CatheterRoute route = routeOf(way, o, frames, tree, file.sequence);
+    if (way == 0 && !o.sheet.empty()) sheet = catheterSheet(route, frames, set, o.columns, o.side_px);
+    return catheterAsJson(route, set);
+  };
+  const auto nameOf = [&](int way) { return nameOfWay(way, o); };
+  const std::vector<Json> located = recordsOf(run.rows, kWays, 1, nameOf, one);
+  if (!run.done()) return 0;
+  Json json;
+  for (std::size_t way = 0; way < located.size(); ++way) {
+    json["ways"][nameOfWay(static_cast<int>(way), o)] = run.shown(located[way]);
+  }
+  const std::string text = catheterReport(json["ways"]);
+  json["settings"] = settingsAsJson(file);
+  if (!o.sheet.empty()) writeImage(o.sheet, sheet);
+  return reported(std::move(json), o.out, text, run.machine);
+}
+
+int evaluateCatheter(const CatheterOptions& o, const Campaigns& campaigns) {
   requireFolderOf(o.out);
   requireImagePath(o.sheet);
   CatheterFile file;
   if (!o.settings.empty()) file = readSettings(o.settings, file);
   if (o.rigid) file.sequence.deformation_std_mm = 0;
   const CaseSet set = readCaseSet(o.cases);
-  const VesselTree tree = readVesselTree(set.cases.front().tree_path);
-  const auto frames = framesOf(set, file.catheter, o.period_s);
-
-  std::vector<bool> first(frames.size()), even(frames.size());
-  for (std::size_t t = 0; t < frames.size(); ++t) {
-    first[t] = t < static_cast<std::size_t>(o.learn_frames);
-    even[t] = t % 2 == 0;
-  }
-  const CatheterRoute all = offline(frames, tree, file.sequence);
-  const CatheterRoute one_by_one =
-      online(formatted("frame by frame, pose and vessels learnt from the first %d", o.learn_frames), frames, first,
-             tree, file.sequence);
-  const CatheterRoute halved = online("frame by frame, learnt from every second", frames, even, tree, file.sequence);
-
-  Json json;
-  std::string text;
-  for (const CatheterRoute* way : {&all, &one_by_one, &halved}) {
-    const Json& located = json["ways"][way->name] = catheterAsJson(*way, set);
-    // Of the last one only the figures: it says what was left out is explained as well.
-    text += way == &halved ? way->name + "\n" : catheterTable(way->name, located);
-    text += "\n" + catheterSummary(located);
-    if (way != &all) text += catheterComparison(*way, all);
-    if (way != &halved) text += "\n";
-  }
-  json["settings"] = settingsAsJson(file);
-  if (!o.sheet.empty()) writeImage(o.sheet, catheterSheet(all, frames, set, o.columns, o.side_px));
-  return reported(json, o.out, text, machineAsJson());
+  CampaignJob job{
+      o.campaign, o.out, kWays, {}, [&](const CampaignRun& run) { return evaluateCatheter(o, file, set, run); }};
+  addInput(job.inputs, o.settings);
+  addInputs(job.inputs, o.cases, set);
+  return campaigns.run(job);
 }
 
 }  // namespace
 
-void addEvaluateCatheter(cli::Command& app, Work& work) {
+void addEvaluateCatheter(cli::Command& app, Work& work, const Campaigns& campaigns) {
   const auto o = std::make_shared<CatheterOptions>();
   auto* command = app.addSubcommand("catheter", "Locate a catheter's tip in the tree, in each frame of a sequence");
   command->footer("Example:\n  angio-evaluate catheter examples/data/hepatic-tace/cases.yaml --sheet sheet.png");
@@ -358,10 +307,11 @@ void addEvaluateCatheter(cli::Command& app, Work& work) {
   addSettingsOptions(*command, o->settings, "Settings (.yaml), sections sequence and catheter",
                      settingsInForce<CatheterFile>);
   command->addOption("--out", o->out, "All results (.json)");
-  command->addOption("--sheet", o->sheet, "Picture of all frames (.png, .jpg)");
+  auto* sheet = command->addOption("--sheet", o->sheet, "Picture of all frames (.png, .jpg)");
   command->addOption("--columns", o->columns, "Of the sheet")->check(cli::wholeBetween(1, 100));
   command->addOption("--side-px", o->side_px, "Width of each picture on it")->check(cli::wholeBetween(50, 2000));
-  command->onChosen([o, &work] { work = [o] { return evaluateCatheter(*o); }; });
+  o->campaign.addTo(*command, {sheet});
+  command->onChosen([o, &work, &campaigns] { work = [o, &campaigns] { return evaluateCatheter(*o, campaigns); }; });
 }
 
 }  // namespace angio::apps

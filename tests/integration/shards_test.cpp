@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
 #include "angio/test/program.hpp"
 #include "case_folder.hpp"
 
@@ -94,6 +95,18 @@ TEST_F(Shards, OfASequenceAreItsMethods) {
   folder_.write("sequence.yaml", "sequence: true\n" + contentOf(folder_.path("cases.yaml")));
   expectTheSame("angio-evaluate", {"cases", folder_.path("sequence.yaml"), "--method", "iterative_pnp,oriented_kernel"},
                 3, false);
+}
+
+// So is each way of looking at a catheter's sequence.
+TEST_F(Shards, OfACathetersSequenceAreItsWays) {
+  const std::string data = test::exampleData("hepatic-tace/");
+  std::string cases = "tree: " + data + "tree.csv\ncamera: " + data + "camera.yaml\ncases:\n";
+  for (const char* frame : {"0000", "0001", "0002", "0003", "0004", "0005"}) {
+    cases += std::string("  - {name: \"") + frame + "\", centerline: " + data + "frames/c" + frame +
+             ".csv, initial_pose: " + data + "nominal_pose.yaml}\n";
+  }
+  folder_.write("catheter.yaml", cases);
+  expectTheSame("angio-evaluate", {"catheter", folder_.path("catheter.yaml")}, 2, false);
 }
 
 TEST_F(Shards, OfClosedLoopsMergeToOneRunByEitherProgram) {
