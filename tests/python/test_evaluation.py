@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Evaluation and calibration give what the programs write."""
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -103,6 +104,10 @@ def test_geometry_and_hand_eye_of_a_carm(simulated):
     assert found.carm.source_isocenter_distance_m == pytest.approx(0.78, abs=0.05)
     rigid = angio.calibrate_geometry_views(str(views), str(camera), settings={"geometry": {"flex": "none"}})
     assert not any(name.startswith("flex") for name in rigid.record["parameters"])
+    old = folder / "old-camera.yaml"
+    old.write_text(re.sub(r"date: .*", "date: 2001-01-01T00:00:00Z", camera.read_text()))
+    with pytest.warns(UserWarning, match="days"):
+        angio.calibrate_geometry_views(str(views), str(old))
 
     carm = str(folder / "carm.yaml")
     calibrate("hand-eye", poses, "--carm", carm, "--known-mount", "--out", folder / "lab.yaml")

@@ -123,9 +123,12 @@ struct CalibratedGeometry {
 CalibratedGeometry geometryOfFile(const std::string& views_path, const std::string& camera_path,
                                   const std::string& machine, const py::object& settings) {
   const auto asked = withFields(GeometryFileSettings{}, settings, "settings");
+  const GeometryInput input = unlocked([&] { return readGeometryInput(views_path, camera_path, asked.detection); });
+  const RecordGate gate{machine.empty() ? input.machine : machine, RecordGate().max_age_days};
+  for (const std::string& warning : checkRecords(camera_path, input.records, gate)) {
+    if (PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) != 0) throw py::error_already_set();
+  }
   return unlocked([&] {
-    const GeometryInput input = readGeometryInput(views_path, camera_path, asked.detection);
-    checkRecords(camera_path, input.records, {machine.empty() ? input.machine : machine, RecordGate().max_age_days});
     const GeometryCalibration found = calibrateGeometry(input, asked.geometry);
     return CalibratedGeometry{found, carmFileOf(input, found, machine)};
   });
