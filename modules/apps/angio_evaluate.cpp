@@ -133,8 +133,9 @@ int main(int argc, char** argv) {
         apps::addEvaluatePaper(app, work, campaigns);
         apps::addEvaluateExtraction(app, work, campaigns);
         apps::addEvaluateCatheter(app, work, campaigns);
+        apps::addEvaluateCatheterRuns(app, work, campaigns);
       },
-      apps::addEvaluateCatheterRuns,
+      {},
       true};
   return campaign::runCampaignProgram(program, argc, argv);
 }

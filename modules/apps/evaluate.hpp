@@ -18,7 +18,7 @@ void addEvaluateSimulation(cli::Command& app, Work& work, const Campaigns& campa
 void addEvaluatePaper(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campaigns);
 void addEvaluateCatheter(cli::Command& app, Work& work, const Campaigns& campaigns);
-void addEvaluateCatheterRuns(cli::Command& app, Work& work);
+void addEvaluateCatheterRuns(cli::Command& app, Work& work, const Campaigns& campaigns);
 
 /// What all of them ask of methods.
 struct MethodOptions : EntrantsAsked {

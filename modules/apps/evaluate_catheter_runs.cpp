@@ -2,6 +2,7 @@
 // angio-evaluate catheter-runs: trees registered by a catheter that is pushed on in them, with known truth.
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -24,48 +25,71 @@ struct CatheterRunsOptions {
   std::string out;
   int runs = 20;
   CatheterRunSettings run;
+  CampaignOptions campaign;
 };
 
-using F = const CatheterRunFrame&;
-
-Json ofConverged(F frame, double (*value)(F)) { return frame.claim ? Json(value(frame)) : Json(nullptr); }
-
-std::vector<Column<CatheterRunFrame>> frameColumns() {
-  return {{"registered", "registered_percent", "percent", [](F f) { return f.registered; }},
-          {"converged", "converged_percent", "percent", [](F f) { return f.converged; }},
-          {"for_centre", "usable_for_centre_percent", "percent", [](F f) { return f.for_centre; }},
-          {"", "converged_and_wrong_percent", "percent", [](F f) { return f.claim && f.claim->beyond > kMaxBeyond; }},
-          {"across_mm", "across_mm", "median p95 max",
-           [](F f) { return ofConverged(f, [](F g) { return 1e3 * *g.across_m; }); }},
-          {"beyond", "", "", [](F f) { return ofConverged(f, [](F g) { return g.claim->beyond; }); }},
-          {"plane_in", "plane_in_90_percent", "mean",
-           [](F f) { return ofConverged(f, [](F g) { return 100 * g.claim->plane_in; }); }},
-          {"depth_in", "depth_in_90_percent", "mean",
-           [](F f) { return ofConverged(f, [](F g) { return 100 * g.claim->depth_in; }); }}};
+Json frameAsJson(const CatheterRunFrame& frame) {
+  Json json = {{"registered", frame.registered}, {"converged", frame.converged}, {"for_centre", frame.for_centre}};
+  if (!frame.claim) return json;
+  json["across_mm"] = 1e3 * *frame.across_m;
+  json["beyond"] = frame.claim->beyond;
+  json["plane_in_90_percent"] = 100 * frame.claim->plane_in;
+  json["depth_in_90_percent"] = 100 * frame.claim->depth_in;
+  return json;
 }
 
-int evaluateCatheterRuns(const CatheterRunsOptions& o) {
-  requireFolderOf(o.out);
-  std::vector<VesselTree> trees;
-  for (const auto& path : o.trees) trees.push_back(readVesselTree(path));
-  Json json;
-  std::vector<CatheterRunFrame> all;
+bool isWrong(const Json& frame) { return frame.value("beyond", 0.0) > kMaxBeyond; }
+
+// Null where a frame has none.
+std::function<Json(const Json&)> valueOf(const char* key) {
+  return [key](const Json& frame) { return frame.value(key, Json(nullptr)); };
+}
+
+std::vector<Column<Json>> frameColumns() {
+  return {{"", "registered_percent", "percent", valueOf("registered")},
+          {"", "converged_percent", "percent", valueOf("converged")},
+          {"", "usable_for_centre_percent", "percent", valueOf("for_centre")},
+          {"", "converged_and_wrong_percent", "percent", [](const Json& frame) { return Json(isWrong(frame)); }},
+          {"", "across_mm", "median p95 max", valueOf("across_mm")},
+          {"", "plane_in_90_percent", "mean", valueOf("plane_in_90_percent")},
+          {"", "depth_in_90_percent", "mean", valueOf("depth_in_90_percent")}};
+}
+
+Json summaryOfRuns(const Json& runs) {
+  std::vector<Json> frames;
   int wrong_runs = 0;
-  {
-    ProgressBar bar("following catheters", o.runs);
-    for (int index = 0; index < o.runs; ++index) {
-      const std::size_t tree = static_cast<std::size_t>(index) % trees.size();
-      const auto frames = catheterRun(trees[tree], o.run, index);
-      wrong_runs +=
-          std::any_of(frames.begin(), frames.end(), [](F f) { return f.claim && f.claim->beyond > kMaxBeyond; });
-      json["runs"].push_back({{"tree", std::filesystem::path(o.trees[tree]).filename().string()},
-                              {"frames", rowsOf(frames, frameColumns())}});
-      all.insert(all.end(), frames.begin(), frames.end());
-      bar.show(index + 1);
-    }
+  for (const Json& run : runs) {
+    const Json& of_run = run["frames"];
+    wrong_runs += std::any_of(of_run.begin(), of_run.end(), isWrong);
+    frames.insert(frames.end(), of_run.begin(), of_run.end());
   }
-  Json& summary = json["summary"] = {{"runs", o.runs}, {"frames", all.size()}, {"runs_with_wrong", wrong_runs}};
-  summarise(all, frameColumns(), summary);
+  Json summary = {{"runs", runs.size()}, {"frames", frames.size()}, {"runs_with_wrong", wrong_runs}};
+  summarise(frames, frameColumns(), summary);
+  return summary;
+}
+
+int evaluateCatheterRuns(const CatheterRunsOptions& o, const CampaignRun& run) {
+  std::vector<VesselTree> trees;
+  std::vector<std::string> names;
+  for (const auto& path : o.trees) {
+    trees.push_back(readVesselTree(path));
+    names.push_back(std::filesystem::path(path).filename().string());
+  }
+  const auto treeOf = [&](int index) { return static_cast<std::size_t>(index) % trees.size(); };
+  const auto one = [&](int index) {
+    Json json = {{"tree", names[treeOf(index)]}, {"frames", Json::array()}};
+    for (const CatheterRunFrame& frame : catheterRun(trees[treeOf(index)], o.run, index)) {
+      json["frames"].push_back(frameAsJson(frame));
+    }
+    return json;
+  };
+  const auto nameOf = [](int index) { return "run " + std::to_string(index); };
+  ProgressBar bar("following catheters", run.share(o.runs));
+  const std::vector<Json> runs = recordsOf(run.rows, o.runs, 1, nameOf, one, [&](int done) { bar.show(done); });
+  if (!run.done()) return 0;
+  Json json;
+  json["runs"] = runs;
+  json["summary"] = summaryOfRuns(json["runs"]);
   const std::string text = filled(
       "{runs:%d} runs, {frames:%d} frames, the first ones of each included\n"
       "registered by their catheter {registered_percent:%.0f %%}, converged {converged_percent:%.0f %%}, usable for "
@@ -74,13 +98,20 @@ int evaluateCatheterRuns(const CatheterRunsOptions& o) {
       "converged: across the beam {across_mm/median:%.2f mm} off (median), {across_mm/p95:%.2f} (p95), "
       "{across_mm/max:%.2f} at most; within 90 % intervals {plane_in_90_percent:%.0f %%} across, "
       "{depth_in_90_percent:%.0f %%} of depths\n",
-      summary);
-  return reported(json, o.out, text, machineAsJson());
+      json["summary"]);
+  return reported(std::move(json), o.out, text, run.machine);
+}
+
+int evaluateCatheterRuns(const CatheterRunsOptions& o, const Campaigns& campaigns) {
+  requireFolderOf(o.out);
+  CampaignJob job{o.campaign, o.out, o.runs, {}, [&](const CampaignRun& run) { return evaluateCatheterRuns(o, run); }};
+  for (const auto& path : o.trees) addInput(job.inputs, path);
+  return campaigns.run(job);
 }
 
 }  // namespace
 
-void addEvaluateCatheterRuns(cli::Command& app, Work& work) {
+void addEvaluateCatheterRuns(cli::Command& app, Work& work, const Campaigns& campaigns) {
   const auto o = std::make_shared<CatheterRunsOptions>();
   auto* command =
       app.addSubcommand("catheter-runs", "Register trees by a simulated catheter that is pushed on in them");
@@ -103,7 +134,8 @@ void addEvaluateCatheterRuns(cli::Command& app, Work& work) {
   command->addOption("--noise-px", o->run.noise_px, "Of the curve's points, std of each coordinate")
       ->check(cli::between(0.0, 100.0));
   command->addOption("--out", o->out, "All results (.json)");
-  command->onChosen([o, &work] { work = [o] { return evaluateCatheterRuns(*o); }; });
+  o->campaign.addTo(*command);
+  command->onChosen([o, &work, &campaigns] { work = [o, &campaigns] { return evaluateCatheterRuns(*o, campaigns); }; });
 }
 
 }  // namespace angio::apps

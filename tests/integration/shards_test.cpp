@@ -107,6 +107,8 @@ TEST_F(Shards, OfACathetersSequenceAreItsWays) {
   }
   folder_.write("catheter.yaml", cases);
   expectTheSame("angio-evaluate", {"catheter", folder_.path("catheter.yaml")}, 2, false);
+  const std::string tree = exampleData("hepatic-tace/tree.csv");
+  expectTheSame("angio-evaluate", {"catheter-runs", "--tree", tree, "--runs", "2", "--frames", "4"}, 2, false);
 }
 
 TEST_F(Shards, OfClosedLoopsMergeToOneRunByEitherProgram) {
