@@ -110,6 +110,22 @@ TEST(Devices, LongEvenLineFromTheBorderIsACatheterAndAWideningOneIsAnArtery) {
   EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size(), 0);
 }
 
+// Over the heart, which scatters more, a catheter's contrast is half of what it is beside it. It goes on there, to
+// where a wider vessel begins, and no farther.
+TEST(Devices, CatheterGoesOnWhereItsContrastFalls) {
+  const Eigen::Vector2d border(110, 0), heart(150, 160), tip(190, 320);
+  const Vessel tree = {test::straightTube(tip, {330, 400}, 6), test::straightTube({330, 400}, {450, 370}, 4),
+                       test::straightTube({330, 400}, {400, 500}, 4), test::straightTube({300, 80}, {460, 200}, 4),
+                       test::straightTube({320, 250}, {480, 300}, 4)};
+  const auto beside = test::straightTube(border, heart, 3.5), over = test::straightTube(heart, tip, 3.5);
+  Scene scene;
+  scene.vessels = {tree, {over}};
+  addDense(scene, {beside}, 2);
+  const Told what = told(extractRidges(scene), {{beside}, {over}});
+  EXPECT_GT(what.of_devices, 0.9);
+  EXPECT_LT(what.of_others, 0.02);
+}
+
 // An artery of the neck: from the border to where a wider one begins, as even as a catheter and wider than any.
 TEST(Devices, AnArteryWiderThanCathetersAreIsAVessel) {
   for (const double radius : {3.5, 5.5}) {
