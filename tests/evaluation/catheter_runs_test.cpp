@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "angio/io/case_files.hpp"
+#include "angio/io/centerline_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/perception/catheter_registration.hpp"
 #include "angio/test/namespace.hpp"
@@ -80,6 +82,21 @@ TEST(CatheterRegistration, IsNotPinnedByALineThatIsInNoVessel) {
   for (int k = 0; k < 5; ++k) {
     const auto by = registration.observe({wire, camera}, T, 0.5);
     EXPECT_FALSE(by && by->result.status == RegistrationStatus::kConverged);
+  }
+}
+
+// A tree like it, of the same size and in the same place, whose vessels do not run as the catheter does.
+TEST(CatheterRegistration, DoesNotConvergeInAMirroredTree) {
+  Eigen::Matrix3Xd mirrored = hepaticTree().points().colwise() - hepaticTree().centroid();
+  mirrored.row(1) *= -1;
+  mirrored.colwise() += hepaticTree().centroid();
+  CatheterRegistration registration({}, VesselTree(mirrored, hepaticTree().parents(), hepaticTree().radii()));
+  const CaseSet set = readCaseSet(exampleData("hepatic-tace/cases.yaml"));
+  for (std::size_t k = 0; k < 8; ++k) {
+    const View& view = set.cases[k].views.front();
+    const Centerline2d curve = readCenterline(*view.centerline_path);
+    const auto by = registration.observe({curve, view.camera}, set.cases[k].initial_pose, 0.5);
+    EXPECT_FALSE(by && by->result.status == RegistrationStatus::kConverged) << k;
   }
 }
 
