@@ -173,7 +173,7 @@ clinical() {
     for figure in mean_image_residual_px; do
       grep -A6 "\"$figure\": {" "$work/clinical.json" | grep '"mean"' | sed "s/^ */$figure, mean over frames: /"
     done
-    grep -c '"centre"' "$work/clinical.json" | sed 's/^/frames of use for centre: /'
+    echo "frames of use for centre: $(grep -c '"centre"' "$work/clinical.json" || true)"
   done
   echo; echo "the baseline, each frame for itself"
   cp -r examples/data/hepatic-tace "$work/frames-alone"
