@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "angio/geometry/bucket_grid.hpp"
 #include "angio/vessel/resample.hpp"
@@ -83,14 +82,14 @@ Silhouette silhouetteOf(const VesselTree& tree, const Eigen::Matrix3Xd& points, 
   return s;
 }
 
-double longestStep_px(const Centerline2d& c) {
-  double longest_px = 0;
+// Whether points of a branch stand further apart than that.
+bool isSparse(const Centerline2d& c, double step_px) {
   for (int j = 1; c.ordered() && j < c.size(); ++j) {
     if (c.branch[j] != c.branch[j - 1]) continue;
-    const double step_px = (c.points_px.col(j) - c.points_px.col(j - 1)).norm();
-    if (step_px <= kMaxStep_px) longest_px = std::max(longest_px, step_px);
+    const double apart_px2 = (c.points_px.col(j) - c.points_px.col(j - 1)).squaredNorm();
+    if (apart_px2 > step_px * step_px && apart_px2 <= kMaxStep_px * kMaxStep_px) return true;
   }
-  return longest_px;
+  return false;
 }
 
 Eigen::Matrix2Xd unitTangents(const Centerline2d& c) {
@@ -104,24 +103,28 @@ class Comparison {
  public:
   Comparison(const Centerline2d& image, const Silhouette& model, const AlignmentScoreGate& gate)
       : image_(image), model_(model), gate_px_(gate.distance_px) {
-    // Between points that stand further apart than the gate reaches from both, a line would explain nothing.
-    const Centerline2d* line = &image;
-    if (longestStep_px(image) > 2 * gate_px_) line = &line_.emplace(densified(image, gate_px_));
-    line_grid_.build(line->points_px);
-    line_direction_ = unitTangents(*line);
-    model_grid_.build(model.pixel);
     direction_ = unitTangents(image);
+    // Between points that stand further apart than the gate reaches from both, a line would explain nothing.
+    if (isSparse(image, 2 * gate_px_)) {
+      const Centerline2d line = densified(image, gate_px_);
+      between_ = unitTangents(line);
+      line_grid_.build(line.points_px);
+    } else {
+      line_grid_.build(image.points_px);
+    }
+    model_grid_.build(model.pixel);
     // Undirected tangents are never more than a right angle apart.
     const double cosine = std::cos(gate.angle_rad);
     min_cos2_ = gate.angle_rad > kPi / 2 ? -1 : cosine * cosine;
   }
 
   void measureModel(Tally& tally) const {
+    const Eigen::Matrix2Xd& tangents = between_.cols() > 0 ? between_ : direction_;
     for (int k = 0; k < model_.size(); ++k) {
       const auto found = line_grid_.nearest(model_.pixel.col(k));
       const double distance = std::sqrt(found.distance2_px2);
       bool along = false;
-      edgesOf(k, [&](const auto& edge) { along |= runsAlong(edge, line_direction_.col(found.index)); });
+      edgesOf(k, [&](const auto& edge) { along |= runsAlong(edge, tangents.col(found.index)); });
       tally.measure(distance, (distance < gate_px_) & along);
     }
   }
@@ -162,9 +165,9 @@ class Comparison {
   const Centerline2d& image_;
   const Silhouette& model_;
   double gate_px_, min_cos2_;
-  std::optional<Centerline2d> line_;  // The image with points between its own, where it needs them.
   BucketGrid line_grid_, model_grid_;
-  Eigen::Matrix2Xd direction_, line_direction_;  // 2 x points of the image and of its line: unit tangents.
+  Eigen::Matrix2Xd direction_;  // 2 x image points: unit tangents.
+  Eigen::Matrix2Xd between_;    // The same with points between them; empty where none are needed.
 };
 
 }  // namespace
