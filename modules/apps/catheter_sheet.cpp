@@ -39,16 +39,9 @@ void drawLine(cv::Mat& canvas, const std::vector<Eigen::Vector2d>& line, const c
 // The vessels from the root to the tip, in the camera.
 std::vector<Eigen::Vector2d> wayTo(const TipPlace& tip, const VesselTree& tree, const XrayCamera& camera,
                                    const Pose& T) {
-  const TreeTopology map(tree);
   std::vector<Eigen::Vector2d> line;
-  for (const int branch : map.pathTo(tip.branch)) {
-    double arc_m = 0;
-    const std::vector<int>& points = map.points(branch);
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      if (k > 0) arc_m += (tree.points().col(points[k]) - tree.points().col(points[k - 1])).norm();
-      if (branch == tip.branch && arc_m > tip.arc_m) break;
-      if (const auto u = camera.project(T * tree.points().col(points[k]))) line.push_back(*u);
-    }
+  for (const int point : TreeTopology(tree).pointsTo({tip.branch, tip.arc_m})) {
+    if (const auto u = camera.project(T * tree.points().col(point))) line.push_back(*u);
   }
   if (const auto u = camera.project(T * tip.tip_model)) line.push_back(*u);
   return line;

@@ -33,6 +33,11 @@ TEST(TreeTopology, PathsLengthsAndPlacesAreTheTrees) {
     EXPECT_NEAR(map.start_m(c), before, kRounding);
     EXPECT_EQ(map.point({c, 0}), Eigen::Vector3d(tree.points().col(tree.branches()[c].front())));
     EXPECT_EQ(map.point({c, 1e9}), Eigen::Vector3d(tree.points().col(tree.branches()[c].back())));
+    const std::vector<int> to_end = map.pointsTo({c, map.length_m(c)}), to_start = map.pointsTo({c, 0});
+    EXPECT_EQ(to_end.back(), tree.branches()[c].back());
+    EXPECT_EQ(to_start.back(), tree.branches()[c].front());
+    EXPECT_EQ(tree.parents()[to_end.front()], -1);
+    for (std::size_t k = 1; k < to_end.size(); ++k) EXPECT_EQ(tree.parents()[to_end[k]], to_end[k - 1]);
     const EdgePoint spot = map.spot({c, 0.4 * map.length_m(c)});
     const Eigen::Vector3d p = (1 - spot.weight) * tree.points().col(spot.a) + spot.weight * tree.points().col(spot.b);
     EXPECT_LT((p - map.point({c, 0.4 * map.length_m(c)})).norm(), kRounding);

@@ -10,7 +10,6 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/registration_gate.hpp"
-#include "angio/vessel/tree_topology.hpp"
 
 namespace angio::perception {
 namespace {
@@ -47,21 +46,9 @@ double lengthOf_px(const SeenCatheter& seen) {
 }
 
 // The tree's points from the root to the tip, as far as a curve of that length in the image reaches back from it.
-std::vector<int> pointsUnder(double length_px, const TipPlace& tip, const VesselTree& tree, const XrayCamera& camera,
-                             const Pose& T_camera_model) {
-  const TreeTopology map(tree);
-  std::vector<int> chain;
-  for (const int branch : map.pathTo(tip.branch)) {
-    double arc_m = 0;
-    int before = -1;
-    for (const int point : map.points(branch)) {
-      if (before >= 0) arc_m += (tree.points().col(point) - tree.points().col(before)).norm();
-      before = point;
-      if (!chain.empty() && chain.back() == point) continue;
-      if (branch == tip.branch && arc_m > tip.arc_m) break;
-      chain.push_back(point);
-    }
-  }
+std::vector<int> pointsUnder(double length_px, const TipPlace& tip, const VesselTree& tree, const TreeTopology& map,
+                             const XrayCamera& camera, const Pose& T_camera_model) {
+  const std::vector<int> chain = map.pointsTo({tip.branch, tip.arc_m});
   std::size_t first = chain.size();
   std::optional<Eigen::Vector2d> beyond;
   for (double left_px = length_px; first > 0 && left_px >= 0;) {
@@ -207,8 +194,8 @@ std::optional<TipBelief> CatheterRegistration::learn() {
   if (!pinned_ && !standsAlone(frames, found)) return std::nullopt;
   const VesselTree bent(tree_.points() + found.displacements_m, tree_.parents(), tree_.radii());
   const TipBelief& newest = found.beliefs.back();
-  const double length_m = TreeTopology(bent).length_m(newest.tip.branch);
-  pinned_.emplace(Pinned{found.correction, bent, CatheterLocaliser({}, bent)});
+  pinned_.emplace(Pinned{found.correction, bent, TreeTopology(bent), CatheterLocaliser({}, bent)});
+  const double length_m = pinned_->map.length_m(newest.tip.branch);
   pinned_->localiser.reset(newest.tip.branch, std::min(newest.tip.arc_m, length_m), std::max(newest.tip.std_m, 1e-3));
   return newest;
 }
@@ -237,7 +224,8 @@ std::optional<RegisteredByCatheter> CatheterRegistration::registered(const XrayV
   Pose T = frame.pose.T_camera_model * pinned_->correction;
   const double pixel_m = (T * belief.tip.tip_model).z() / view.camera.parameters().fx_px;
   T.translation().head<2>() += pixel_m * belief.shift_px;
-  const std::vector<int> under = pointsUnder(kLonger * lengthOf_px(frame.seen), belief.tip, bent, view.camera, T);
+  const std::vector<int> under =
+      pointsUnder(kLonger * lengthOf_px(frame.seen), belief.tip, bent, pinned_->map, view.camera, T);
   if (under.size() < 2) return std::nullopt;
   RegisteredByCatheter by{{}, chainOf(under, bent), under, {}};
   by.result = makeRegistration(method_, by.vessels)->search({view}, believed(T), {});

@@ -129,6 +129,18 @@ std::vector<int> TreeTopology::pathTo(int branch) const {
   return path;
 }
 
+std::vector<int> TreeTopology::pointsTo(const TreeLocation& place) const {
+  std::vector<int> result;
+  for (const int branch : pathTo(place.branch)) {
+    const Line& line = lines_[branch];
+    for (std::size_t k = 0; k < line.points.size(); ++k) {
+      if (branch == place.branch && line.arc_m[k] > place.arc_m) break;
+      if (result.empty() || result.back() != line.points[k]) result.push_back(line.points[k]);
+    }
+  }
+  return result;
+}
+
 bool TreeTopology::passes(int branch, int other) const {
   std::optional<int> at = branch;
   while (at && *at != other) at = lines_.at(*at).parent;

@@ -9,6 +9,7 @@
 #include "angio/localisation/sequence_localiser.hpp"
 #include "angio/perception/namespace.hpp"
 #include "angio/registration/registration.hpp"
+#include "angio/vessel/tree_topology.hpp"
 
 namespace angio::perception {
 
@@ -50,6 +51,7 @@ class CatheterRegistration {
   struct Pinned {
     Pose correction = Pose::Identity();  // On the right of a frame's pose.
     VesselTree bent;                     // The tree as its frames have it, model frame.
+    TreeTopology map;                    // Of that.
     CatheterLocaliser localiser;         // In that.
   };
 

@@ -59,6 +59,9 @@ class TreeTopology {
   /// The branches from the root to `branch`, both included.
   std::vector<int> pathTo(int branch) const;
 
+  /// The tree's points from the root to a place, none twice: indices, root side first.
+  std::vector<int> pointsTo(const TreeLocation& place) const;
+
   /// Whether the route from the root to `branch` leads through `other`, itself included.
   bool passes(int branch, int other) const;
 
