@@ -17,9 +17,6 @@
 namespace angio::apps {
 namespace {
 
-// From this share of the points beyond three standard deviations on a converged frame is wrong.
-constexpr double kMaxBeyond = 0.05;
-
 struct CatheterRunsOptions {
   std::vector<std::string> trees;
   std::string out;
@@ -29,7 +26,10 @@ struct CatheterRunsOptions {
 };
 
 Json frameAsJson(const CatheterRunFrame& frame) {
-  Json json = {{"registered", frame.registered}, {"converged", frame.converged}, {"for_centre", frame.for_centre}};
+  Json json = {{"registered", frame.registered},
+               {"converged", frame.converged},
+               {"for_centre", frame.for_centre},
+               {"wrong", frame.wrong}};
   if (!frame.claim) return json;
   json["across_mm"] = 1e3 * *frame.across_m;
   json["beyond"] = frame.claim->beyond;
@@ -38,7 +38,7 @@ Json frameAsJson(const CatheterRunFrame& frame) {
   return json;
 }
 
-bool isWrong(const Json& frame) { return frame.value("beyond", 0.0) > kMaxBeyond; }
+bool isWrong(const Json& frame) { return frame["wrong"]; }
 
 // Null where a frame has none.
 std::function<Json(const Json&)> valueOf(const char* key) {
@@ -49,7 +49,7 @@ std::vector<Column<Json>> frameColumns() {
   return {{"", "registered_percent", "percent", valueOf("registered")},
           {"", "converged_percent", "percent", valueOf("converged")},
           {"", "usable_for_centre_percent", "percent", valueOf("for_centre")},
-          {"", "converged_and_wrong_percent", "percent", [](const Json& frame) { return Json(isWrong(frame)); }},
+          {"", "converged_and_wrong_percent", "percent", valueOf("wrong")},
           {"", "across_mm", "median p95 max", valueOf("across_mm")},
           {"", "plane_in_90_percent", "mean", valueOf("plane_in_90_percent")},
           {"", "depth_in_90_percent", "mean", valueOf("depth_in_90_percent")}};

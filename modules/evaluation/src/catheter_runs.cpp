@@ -89,7 +89,8 @@ CatheterRunFrame judged(const RegisteredByCatheter& by, const VesselTree& tree, 
   SimulatedTrial real;
   real.truth = truth;
   real.displacements_m = columnsOf(tree.points() + trial.displacements_m, by.tree_points) - given;
-  frame.claim = claimOf(by.vessels, found, real);
+  outcome.claim = frame.claim = claimOf(by.vessels, found, real);
+  frame.wrong = isConvergedAndWrong(outcome);
   frame.across_m =
       poseError(by.vessels, camera, {found.T_camera_model, found.displacements_m}, {real.truth, real.displacements_m})
           .in_plane_m;

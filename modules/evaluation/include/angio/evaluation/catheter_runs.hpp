@@ -17,9 +17,9 @@ struct CatheterRunSettings {
   double translation_std_mm = 20;  ///< The same.
   double deformation_rms_mm = 0;   ///< Of the tree, as SimulationSettings has it, the same in all frames of a run.
   double breath_mm = 3;            ///< Amplitude of the patient's shift along the model's z from frame to frame.
-  double beside_mm = 0.7;  ///< Of the catheter's way beside the vessels' axes: smooth, rms per axis times sqrt(2).
-  double noise_px = 1;     ///< Of each coordinate of the curve's points, independent.
-  double spacing_px = 8;   ///< Between them.
+  double beside_mm = 0.7;          ///< How far the catheter lies beside the vessels' axes: smooth, rms across them.
+  double noise_px = 1;             ///< Of each coordinate of the curve's points, independent.
+  double spacing_px = 8;           ///< Between them.
 };
 
 /// One frame of such a run.
@@ -31,6 +31,7 @@ struct CatheterRunFrame {
   /// [m], and how that stands to the claims.
   std::optional<double> across_m;
   std::optional<CaseOutcome::Claim> claim;
+  bool wrong = false;  ///< Converged, and wrong by its own claim, as trials are.
 };
 
 /// Makes one run and registers its frames with CatheterRegistration. View, pose error and deformation are those of
