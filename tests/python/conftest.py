@@ -5,6 +5,8 @@ import pathlib
 
 import pytest
 
+import angio
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
@@ -21,3 +23,13 @@ def data():
 @pytest.fixture(scope="session")
 def root():
     return ROOT
+
+
+@pytest.fixture
+def small_lab(data):
+    """A tree, and a C-arm as it truly is, 256 pixels a side, for speed."""
+    folder = data / "hepatic-tace"
+    truth = angio.read_carm_calibration(str(folder / "carm.yaml"))
+    truth.carm.pixel_spacing_m *= truth.carm.image_width_px / 256
+    truth.carm.image_width_px = truth.carm.image_height_px = 256
+    return angio.read_vessel_tree(str(folder / "tree.csv")), truth

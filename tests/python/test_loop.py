@@ -11,13 +11,9 @@ VIEW = {"task": "view", "view": {"primary_deg": 6, "secondary_deg": 4}}
 
 
 @pytest.fixture
-def lab(data, tmp_path):
+def lab(small_lab, tmp_path):
     """A tree, the truth, and a calibration that is wrong by 2 deg and 3.7 mm, as its file says it; 256 pixels a side, for speed."""
-    folder = data / "hepatic-tace"
-    tree = angio.read_vessel_tree(str(folder / "tree.csv"))
-    truth = angio.read_carm_calibration(str(folder / "carm.yaml"))
-    truth.carm.pixel_spacing_m *= truth.carm.image_width_px / 256
-    truth.carm.image_width_px = truth.carm.image_height_px = 256
+    tree, truth = small_lab
     path = tmp_path / "carm.yaml"
     angio.write_carm_calibration(str(path), angio.miscalibrated(truth, tree.centroid, [0, 0, 1], np.radians(2), [3e-3, -2e-3, 1e-3]))
     return tree, truth, path

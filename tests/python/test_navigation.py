@@ -12,13 +12,9 @@ SETTINGS = {"roadmap_frames": 2}
 
 
 @pytest.fixture
-def lab(data, tmp_path):
+def lab(small_lab, tmp_path):
     """A tree and a C-arm as its calibration says, 256 pixels a side, for speed; a catheter 30 mm inside branch 0."""
-    folder = data / "hepatic-tace"
-    tree = angio.read_vessel_tree(str(folder / "tree.csv"))
-    truth = angio.read_carm_calibration(str(folder / "carm.yaml"))
-    truth.carm.pixel_spacing_m *= truth.carm.image_width_px / 256
-    truth.carm.image_width_px = truth.carm.image_height_px = 256
+    tree, truth = small_lab
     path = tmp_path / "carm.yaml"
     angio.write_carm_calibration(str(path), truth)
     return tree, angio.read_carm_calibration(str(path)), path
