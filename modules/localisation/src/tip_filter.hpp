@@ -50,7 +50,7 @@ struct FrameOutcome {
   std::string why;                    ///< What was wrong with it, or empty.
   std::optional<double> residual_px;  ///< Of the most probable place, where the curve could be compared at all.
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
-  double log_evidence = 0;  ///< Of the frame given all before it, up to a constant of its curve; 0 when it is not used.
+  double log_evidence = 0;  ///< Of a curve given all before it, up to a constant of its own; 0 when it is not used.
 };
 
 /// The forward pass over places: a probability and the image's shift for each.
