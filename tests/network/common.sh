@@ -61,3 +61,8 @@ python_types() {
   need python3 lcm-gen
   lcm-gen -p --ppath "$folder" "$sources"/modules/messaging/types/*.lcm
 }
+# The example's C-arm with a quarter of the pixels, in $folder/carm.yaml: two cores have several programs to run.
+small_detector() {
+  sed -e 's/pixel_spacing_mm: .*/pixel_spacing_mm: 0.5071171875/' -e 's/image_size_px: .*/image_size_px: [512, 512]/' \
+    "$data/carm.yaml" >"$folder/carm.yaml"
+}

@@ -13,10 +13,8 @@ max_s=300
   grep -q multicast "$folder/spy.err" && skip "no multicast: $(tail -n 1 "$folder/spy.err")"
 }
 
-# The example's detector with a quarter of the pixels: two cores have three programs to run.
-sed -e 's/pixel_spacing_mm: .*/pixel_spacing_mm: 0.5071171875/' -e 's/image_size_px: .*/image_size_px: [512, 512]/' \
-  "$data/carm.yaml" >"$work/carm.yaml"
-common=(--tree "$data/tree.csv" --calibration "$work/carm.yaml")
+small_detector
+common=(--tree "$data/tree.csv" --calibration "$folder/carm.yaml")
 tasks=$sources/examples/08_tasks
 
 # Three programs in real time; succeeds when the catheter has arrived.
