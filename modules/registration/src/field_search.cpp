@@ -13,6 +13,9 @@ namespace {
 // A pose that leaves less than this share of the model in view scores in proportion: few points fit anywhere.
 constexpr double kMinInView = 0.2;
 
+// What projection leaves of a length on average over all directions.
+constexpr double kMeanForeshortening = kPi / 4;
+
 constexpr double kFarthest_px = 1e6;
 
 // Shifts are tried in steps of one scale: the steps that follow bridge half of that.
@@ -40,10 +43,20 @@ KernelField::Region around(const OrientedPoints& points, double margin_px) {
 
 }  // namespace
 
+double FieldSearch::enoughInView(const OrientedFrame& frame, const FieldHypothesis& hypothesis,
+                                 const Pose& T_camera_centered) const {
+  const XrayView& view = frame.views().front();
+  const double depth_m = std::max(0.05, (view.T_view_first * T_camera_centered).translation().z());
+  const double model_px =
+      kMeanForeshortening * model_.spacing_m * model_.size() * view.camera.parameters().fx_px / depth_m;
+  const double image_px = frame.length_px() / static_cast<double>(frame.viewCount());
+  return std::max(kMinInView, hypothesis.image_share * std::min(1.0, image_px / model_px));
+}
+
 int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale,
-                        int max_steps, double outlier_mass, PoseCandidate& candidate) const {
+                        int max_steps, const FieldHypothesis& hypothesis, PoseCandidate& candidate) const {
   PullWeight weight;
-  weight.outlier_mass = static_cast<float>(outlier_mass);
+  weight.outlier_mass = static_cast<float>(hypothesis.outlier_mass);
   weight.along = static_cast<float>(OrientedKernelSettings::along_stiffness);
   const double scale_px = kFieldScales_px[scale];
   for (int step = 0;; ++step) {
@@ -63,7 +76,9 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
       seen += sums.seen;
       pixels_per_metre = std::max(pixels_per_metre, pixels);
     }
-    const double enough = kMinInView * points.count * static_cast<double>(frame.viewCount());
+    const double share =
+        std::max(kMinInView, kMeanForeshortening * enoughInView(frame, hypothesis, candidate.T_camera_centered));
+    const double enough = share * points.count * static_cast<double>(frame.viewCount());
     candidate.score = fit / std::max(seen, std::max(1e-9, enough));
     if (step == max_steps) return step;
     Vector6d g_belief = Vector6d::Zero();
@@ -76,7 +91,7 @@ int FieldSearch::ascend(OrientedFrame& frame, const PosePriorTerm& belief, const
   }
 }
 
-int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, double outlier_mass,
+int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, const FieldHypothesis& hypothesis,
                        std::vector<PoseCandidate>& candidates, std::size_t keep) const {
   struct Rung {
     int subset, scale, steps;
@@ -88,7 +103,7 @@ int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, double
   for (const Rung& rung : kRungs) {
     const auto& points = model_.subsets[rung.subset];
     for (auto& candidate : candidates) {
-      steps += ascend(frame, belief, points, rung.scale, rung.steps, outlier_mass, candidate);
+      steps += ascend(frame, belief, points, rung.scale, rung.steps, hypothesis, candidate);
     }
     keepBest(candidates, std::max(keep, all / rung.share));
   }
@@ -96,8 +111,8 @@ int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, double
   return steps;
 }
 
-std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const std::vector<Pose>& hypotheses,
-                                                   double reach_m, double outlier_mass, std::size_t keep,
+std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const std::vector<Pose>& poses, double reach_m,
+                                                   const FieldHypothesis& hypothesis, std::size_t keep,
                                                    const SearchProgress& progress) const {
   const ModelPoints& points = model_.subsets.front();
   const XrayView& view = frame.views().front();
@@ -111,10 +126,9 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
   std::vector<int> column, row;
   std::vector<float> cos2, sin2, weight;
   std::vector<PoseCandidate> found;
-  for (std::size_t h = 0; h < hypotheses.size(); ++h) {
-    const Pose& hypothesis = hypotheses[h];
-    if (progress && h % 64 == 0) progress(0.9 * static_cast<double>(h) / static_cast<double>(hypotheses.size()));
-    const Pose T = view.T_view_first * hypothesis;
+  for (std::size_t h = 0; h < poses.size(); ++h) {
+    if (progress && h % 64 == 0) progress(0.9 * static_cast<double>(h) / static_cast<double>(poses.size()));
+    const Pose T = view.T_view_first * poses[h];
     const double metres_per_pixel = std::max(0.05, T.translation().z()) / view.camera.parameters().fx_px;
     // Further than across the detector nothing is seen.
     const double reach_px =
@@ -142,7 +156,8 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
     }
     float all = 0;
     for (const float w : weight) all += w;
-    const auto mass = static_cast<float>(outlier_mass);
+    const auto mass = static_cast<float>(hypothesis.outlier_mass);
+    const auto enough = std::max(1e-9f, static_cast<float>(enoughInView(frame, hypothesis, poses[h])) * all);
     for (int dv = -reach; dv <= reach; dv += kShiftCells) {
       for (int du = -reach; du <= reach; du += kShiftCells) {
         float fit = 0, seen = 0;
@@ -156,7 +171,7 @@ std::vector<PoseCandidate> FieldSearch::everyShift(OrientedFrame& frame, const s
           fit += weight[i] * F / (F + mass);
         }
         PoseCandidate candidate;
-        candidate.score = fit / std::max({1e-9f, seen, static_cast<float>(kMinInView) * all});
+        candidate.score = fit / std::max(seen, enough);
         // Of the neighbours on the grid one is enough; the steps after this find the rest.
         candidate.T_camera_centered =
             view.T_view_first.inverse() *

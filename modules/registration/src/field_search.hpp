@@ -18,12 +18,23 @@ struct PoseCandidate {
 /// Whether `a` comes before `b`, best first.
 inline bool better(const PoseCandidate& a, const PoseCandidate& b) { return a.score > b.score; }
 
-/// Ascends the kernel fields from model to image, one candidate or many.
+/// What is supposed of a frame when poses are scored on its fields.
 ///
 /// How much of the model the image shows is not known, and decides what a point without a match means. `outlier_mass`
-/// is the hypothesis: the kernel sum at which a point is as likely stray as matched, where a single vessel has 1.
-/// Little mass makes every point look for a match, as is right where all vessels are filled with contrast agent; much
-/// mass makes a point count in proportion to what it has found, so that empty branches pull at nothing.
+/// is the kernel sum at which a point is as likely stray as matched, where a single vessel has 1. Little mass makes
+/// every point look for a match, as is right where all vessels are filled with contrast agent; much mass makes a point
+/// count in proportion to what it has found, so that empty branches pull at nothing.
+///
+/// The image's lines have to come from somewhere: a pose that has less of the model in view than `image_share` of their
+/// length scores in proportion. Else the best pose of a tree that is not wholly in view is one that has only a few
+/// vessels in view, where the image is dense. Too high a share, and most of the model is drawn into view: the length
+/// is less than it seems by stray lines, and by the zigzag of noise. 0 asks nothing of the image.
+struct FieldHypothesis {
+  double outlier_mass = 5;
+  double image_share = 0;
+};
+
+/// Ascends the kernel fields from model to image, one candidate or many.
 class FieldSearch {
  public:
   explicit FieldSearch(const OrientedModel& model) : model_(model) {}
@@ -31,19 +42,24 @@ class FieldSearch {
   /// Takes up to `max_steps` steps at a scale (index into kFieldScales_px) on a part of the model, or until a step
   /// moves the projection by less than a twentieth of the scale; then scores. Returns the steps taken.
   int ascend(OrientedFrame& frame, const PosePriorTerm& belief, const ModelPoints& points, int scale, int max_steps,
-             double outlier_mass, PoseCandidate& candidate) const;
+             const FieldHypothesis& hypothesis, PoseCandidate& candidate) const;
 
   /// Successive halving: all candidates a few steps at the coarsest scale on few points, the best of them at the next
   /// scale on more points, and so on. What is left is sorted, best first. Returns the steps taken.
-  int halve(OrientedFrame& frame, const PosePriorTerm& belief, double outlier_mass,
+  int halve(OrientedFrame& frame, const PosePriorTerm& belief, const FieldHypothesis& hypothesis,
             std::vector<PoseCandidate>& candidates, std::size_t keep) const;
 
-  /// Every shift in the image plane on a grid, for each hypothesis of rotation and depth, by one look at the coarsest
+  /// Every shift in the image plane on a grid, for each of `poses`' rotations and depths, by one look at the coarsest
   /// field for each; the best come back, at most `keep`.
-  std::vector<PoseCandidate> everyShift(OrientedFrame& frame, const std::vector<Pose>& hypotheses, double reach_m,
-                                        double outlier_mass, std::size_t keep, const SearchProgress& progress) const;
+  std::vector<PoseCandidate> everyShift(OrientedFrame& frame, const std::vector<Pose>& poses, double reach_m,
+                                        const FieldHypothesis& hypothesis, std::size_t keep,
+                                        const SearchProgress& progress) const;
 
  private:
+  // The share of the model's projected length that has to be in view for a pose's score to count in full.
+  double enoughInView(const OrientedFrame& frame, const FieldHypothesis& hypothesis,
+                      const Pose& T_camera_centered) const;
+
   const OrientedModel& model_;
 };
 

@@ -71,13 +71,24 @@ PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
 // Outlier masses of a search: some of the branches may be empty of contrast agent, or most of them.
 constexpr double kSomeEmpty = 5, kMaxEmpty = 50;
 
-// One pass of a search: how far the belief is widened, and what a point without a match means.
+// One pass of a search: how far the belief is widened, and what is supposed of the frame.
 struct Attempt {
-  double widened, outlier_mass;
+  double widened;
+  FieldHypothesis frame;
+  int times = 1;  // As many draws and candidates.
 };
-// The first that settles the question is the last.
-constexpr Attempt kAttempts[] = {{1, kSomeEmpty},  {1, kMaxEmpty},  {1.8, kSomeEmpty},
-                                 {1.8, kMaxEmpty}, {3, kSomeEmpty}, {3, kMaxEmpty}};
+
+// The passes of a search; the first that settles the question is the last. Far from the belief, and in a box, poses
+// differ in how much of the tree they have in view.
+std::vector<Attempt> attemptsOf(const StartSettings& starts, const PosePrior& prior) {
+  if (starts.box()) {
+    return {{1, {kSomeEmpty, 0.6}}, {1, {kMaxEmpty, 0.6}}, {1, {kSomeEmpty, 0.45}}, {1, {kSomeEmpty, 0.6}, 8}};
+  }
+  if (prior.covariance) return {{1, {kSomeEmpty}}, {1, {kMaxEmpty}}};
+  return {{1, {kSomeEmpty}},  {1, {kMaxEmpty}},       {1.8, {kSomeEmpty}},
+          {1.8, {kMaxEmpty}}, {3, {kSomeEmpty, 0.6}}, {3, {kMaxEmpty, 0.6}}};
+}
+
 constexpr double kWidest = 3;
 // Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
@@ -116,7 +127,7 @@ class OrientedKernel final : public Registration {
       while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
       for (; scale < kFieldScales; ++scale) {
         const auto& points = model_.subsets[static_cast<std::size_t>(scale) + 1];
-        result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, kSomeEmpty, candidate);
+        result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, {kSomeEmpty}, candidate);
       }
     }
     finish(*belief, candidate.T_camera_centered, plan, result);
@@ -167,11 +178,11 @@ class OrientedKernel final : public Registration {
       const bool alone = *result.ambiguity < kChanceAlternative && !byLuck() && result.last_step_px <= kAtRest_px;
       return small_ || result.status == RegistrationStatus::kConverged || alone;
     };
-    for (const Attempt& attempt : kAttempts) {
-      if (attempt.widened > 1 && (starts.box() || prior.covariance)) break;
+    for (const Attempt& attempt : attemptsOf(starts, prior)) {
       // A fit that is explained fails for what one view leaves open, and a deformed one that is not explained by luck
       // for what it cannot follow: no emptier tree changes that.
-      if (!first && attempt.outlier_mass > kSomeEmpty && (explained(result) || (deformation_ && !byLuck()))) continue;
+      if (!first && attempt.frame.outlier_mass > kSomeEmpty && (explained(result) || (deformation_ && !byLuck())))
+        continue;
       const PosePriorTerm wide = widenedBy(attempt.widened, *belief);
       auto candidates = small_ ? candidatesByShifts(wide, starts)
                                : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
@@ -179,7 +190,7 @@ class OrientedKernel final : public Registration {
       take(wide, std::move(candidates));
       // What is explained, and not well, is often near the right pose and kept from it by the belief: once more from
       // there.
-      const bool try_nearby = attempt.widened > 1 || attempt.outlier_mass > kSomeEmpty || !byLuck();
+      const bool try_nearby = attempt.widened > 1 || attempt.frame.outlier_mass > kSomeEmpty || !byLuck();
       bool moved = try_nearby && !explained(result);
       const int rounds = deformation_ ? 1 : kNearbyRounds;
       for (int round = 0; round < rounds && moved && !settled(); ++round) {
@@ -188,7 +199,7 @@ class OrientedKernel final : public Registration {
         StartSettings nearby = starts;
         nearby.box_rotation_deg = nearby.box_translation_mm = 0;
         moved = take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
-                     candidatesByFields(there, nearby, {1, attempt.outlier_mass}, {}));
+                     candidatesByFields(there, nearby, {1, attempt.frame}, {}));
       }
       // In doubt a little wider; far wider only when nothing has been found.
       if (settled() || (attempt.widened > 1 && !byLuck())) break;
@@ -259,14 +270,14 @@ class OrientedKernel final : public Registration {
     std::vector<PoseCandidate> candidates;
     if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
       // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
-      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500),
-                                      shiftReach_m(belief, starts, 2.5), attempt.outlier_mass, 512, progress);
+      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500 * attempt.times),
+                                      shiftReach_m(belief, starts, 2.5), attempt.frame, 512 * attempt.times, progress);
     } else {
       const int count = starts.count > 0 ? starts.count : settings_.starts;
       const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
       for (const Pose& T : draws_.poses(belief, starts, more * count)) candidates.push_back({T, 0});
     }
-    fields_.halve(frame_, belief, attempt.outlier_mass, candidates, kCompared);
+    fields_.halve(frame_, belief, attempt.frame, candidates, kCompared);
     return candidates;
   }
 

@@ -35,7 +35,7 @@ PoseComparison::PoseComparison(const OrientedModel& model, FieldSearch& fields, 
 // Share of the model's points in view that have found a vessel; 1 where it does not count.
 double PoseComparison::modelShare(const PosePriorTerm& belief, PoseCandidate& candidate) const {
   if (small_) return 1;
-  fields_.ascend(*frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, kMatchedMass, candidate);
+  fields_.ascend(*frame_, belief, model_.subsets.back(), kFieldScales - 1, 0, {kMatchedMass}, candidate);
   return candidate.score;
 }
 
@@ -79,7 +79,7 @@ PoseCandidate PoseComparison::bestAlternative(const PosePriorTerm& belief, const
     PosePriorTerm there = belief;
     there.T0_camera_centered = mirrored.T_camera_centered;
     for (int scale = 1; scale < kFieldScales; ++scale) {
-      fields_.ascend(*frame_, there, model_.subsets[scale], scale, 6, kMatchedMass, mirrored);
+      fields_.ascend(*frame_, there, model_.subsets[scale], scale, 6, {kMatchedMass}, mirrored);
     }
     ask(lines_.fit(*frame_, there, mirrored.T_camera_centered, kQuick).T_camera_centered);
   }
