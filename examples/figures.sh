@@ -126,12 +126,16 @@ worlds() {
     echo; echo "half filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.5 "${wide[@]}"
     echo; echo "30 % filled, 5 deg / 10 mm"; "${ours[@]}" --filled 0.3 "${wide[@]}"
     echo; echo "all filled, 15 deg / 30 mm"; "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 30
+    echo; echo "the same, 60 % of the tree in view"
+    "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 30 --visible-fraction 0.6
     echo; echo "half filled, 2 deg / 5 mm, from X-ray images"
     "$bin"/angio-evaluate simulation $(for one in $trees; do echo --tree "$shared/brava/$one.swc"; done) --seed 11 \
       --trials "$((trials / 2))" --spurious 5 --method oriented_kernel --from images --filled 0.5
     printf 'starts: {box_rotation_deg: 45, box_translation_mm: 60}\n' > "$work/box.yaml"
     for one in 1 0.6; do
-      echo; echo "+-45 deg / +-60 mm, $one of the tree in view: searched as a box and certified, two threads, 30 s"
+      echo; echo "+-45 deg / +-60 mm, $one of the tree in view: searched as a box"
+      "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 20 --settings "$work/box.yaml" --visible-fraction "$one"
+      echo; echo "the same, certified, two threads, 30 s"
       "${simulate[@]}" --trials "${CERTIFIED:-10}" --spurious 5 --method oriented_kernel --rotation-std-deg 15 \
         --translation-std-mm 20 --settings "$work/box.yaml" --visible-fraction "$one" --certify
     done
