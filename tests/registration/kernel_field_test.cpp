@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "angio/test/namespace.hpp"
+#include "angio/test/phantoms.hpp"
 #include "angio/test/random.hpp"
 #include "oriented_frame.hpp"
 
@@ -122,6 +123,29 @@ TEST(OrientedPoints, OfUnorderedPointsAreWeighedByHowDenseTheyAre) {
     for (const float mass : points.mass_px) length += mass;
     EXPECT_NEAR(length, 400, 12);  // The line's ends, where half of the kernel has nothing under it.
   }
+}
+
+// Noise of 1 px makes a line of points 1.5 px apart longer by a third, and its chords by a hundredth. Two
+// lines are two lengths: no chord leads from one to the other.
+TEST(OrientedFrame, ChordsAreNoLongerForNoise) {
+  test::Random random(3);
+  Eigen::Matrix2Xd points(2, 800);
+  std::vector<int> branch;
+  for (int j = 0; j < points.cols(); ++j) {
+    points.col(j) << 100 + 1.5 * (j % 400) + random.normal(), (j < 400 ? 200 : 500) + random.normal();
+    branch.push_back(j / 400);
+  }
+  const XrayCamera camera = clinicalCamera();
+  const Centerline2d both = makeCenterline(points, branch),
+                     one = makeCenterline(points.leftCols(400), std::vector<int>(400, 0));
+  const XrayViews views{{both, camera}}, first{{one, camera}};
+  OrientedFrame frame;
+  frame.begin(views, {});
+  EXPECT_GT(frame.length_px(), 1.2 * 1200);
+  EXPECT_NEAR(frame.chordLength_px(), 1200, 24);
+  // Found anew for another frame.
+  frame.begin(first, {});
+  EXPECT_NEAR(frame.chordLength_px(), 600, 12);
 }
 
 TEST(KernelField, PointsFarAwayAndFieldsOfOnePixelAreNoHarm) {

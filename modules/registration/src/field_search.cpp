@@ -43,13 +43,13 @@ KernelField::Region around(const OrientedPoints& points, double margin_px) {
 
 }  // namespace
 
-double FieldSearch::enoughInView(const OrientedFrame& frame, const FieldHypothesis& hypothesis,
+double FieldSearch::enoughInView(OrientedFrame& frame, const FieldHypothesis& hypothesis,
                                  const Pose& T_camera_centered) const {
   const XrayView& view = frame.views().front();
   const double depth_m = std::max(0.05, (view.T_view_first * T_camera_centered).translation().z());
   const double model_px =
       kMeanForeshortening * model_.spacing_m * model_.size() * view.camera.parameters().fx_px / depth_m;
-  const double image_px = frame.length_px() / static_cast<double>(frame.viewCount());
+  const double image_px = frame.chordLength_px() / static_cast<double>(frame.viewCount());
   return std::max(kMinInView, hypothesis.image_share * std::min(1.0, image_px / model_px));
 }
 

@@ -27,8 +27,8 @@ inline bool better(const PoseCandidate& a, const PoseCandidate& b) { return a.sc
 ///
 /// The image's lines have to come from somewhere: a pose that has less of the model in view than `image_share` of their
 /// length scores in proportion. Else the best pose of a tree that is not wholly in view is one that has only a few
-/// vessels in view, where the image is dense. Too high a share, and most of the model is drawn into view: the length
-/// is less than it seems by stray lines, and by the zigzag of noise. 0 asks nothing of the image.
+/// vessels in view, where the image is dense. Too high a share, and more of the model is drawn into view than belongs
+/// there: strays lengthen what the image has, what the extractor missed shortens it. 0 asks nothing of the image.
 struct FieldHypothesis {
   double outlier_mass = 5;
   double image_share = 0;
@@ -57,8 +57,7 @@ class FieldSearch {
 
  private:
   // The share of the model's projected length that has to be in view for a pose's score to count in full.
-  double enoughInView(const OrientedFrame& frame, const FieldHypothesis& hypothesis,
-                      const Pose& T_camera_centered) const;
+  double enoughInView(OrientedFrame& frame, const FieldHypothesis& hypothesis, const Pose& T_camera_centered) const;
 
   const OrientedModel& model_;
 };

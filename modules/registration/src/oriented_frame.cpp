@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
 
 namespace angio::registration {
@@ -31,6 +32,7 @@ KernelField::Region reachOf(const OrientedPoints& points, double scale_px, const
 }
 
 constexpr double kMaxPixel_px = 8192;  // No detector is larger: what lies beyond does not count.
+constexpr double kChord_px = 12;
 
 Eigen::Vector2f doubleAngle(double tangent_rad) {
   const auto twice = static_cast<float>(2 * tangent_rad);
@@ -115,6 +117,26 @@ void massFromDensity(OrientedPoints& points) {
   for (auto& m : points.mass_px) m = mass;
 }
 
+double massOf_px(const OrientedPoints& points) {
+  return std::accumulate(points.mass_px.begin(), points.mass_px.end(), 0.0);
+}
+
+// Of all branches, the last chord of each as long as it is.
+double lengthByChords_px(const OrientedPoints& points) {
+  double sum = 0;
+  for (std::size_t b = 0; b < points.begin.size(); ++b) {
+    const int end = b + 1 < points.begin.size() ? points.begin[b + 1] : points.size();
+    int from = points.begin[b];
+    for (int i = from; i < end; ++i) {
+      const double chord = std::hypot(points.u[i] - points.u[from], points.v[i] - points.v[from]);
+      if (chord < kChord_px && i + 1 < end) continue;
+      sum += chord;
+      from = i;
+    }
+  }
+  return sum;
+}
+
 }  // namespace
 
 void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& settings) {
@@ -122,6 +144,7 @@ void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& 
   if (images_.size() < views.size()) images_.resize(views.size());
   point_count_ = 0;
   length_px_ = 0;
+  chord_length_px_.reset();
   for (std::size_t v = 0; v < views.size(); ++v) {
     Image& image = images_[v];
     orientedPoints(views[v].centerline, settings.spacing_px, settings.max_points_2d, image.points);
@@ -130,6 +153,17 @@ void OrientedFrame::begin(const XrayViews& views, const OrientedKernelSettings& 
     point_count_ += image.points.size();
     for (const float mass : image.points.mass_px) length_px_ += mass;
   }
+}
+
+double OrientedFrame::chordLength_px() {
+  if (chord_length_px_) return *chord_length_px_;
+  double sum = 0;
+  for (std::size_t v = 0; v < viewCount(); ++v) {
+    // Points without order have no chords, and the mass of how dense they are.
+    sum += (*views_)[v].centerline.ordered() ? lengthByChords_px(points(v)) : massOf_px(points(v));
+  }
+  chord_length_px_ = sum;
+  return sum;
 }
 
 const KernelField& OrientedFrame::field(std::size_t view, int scale) {

@@ -82,11 +82,15 @@ struct Attempt {
 // differ in how much of the tree they have in view.
 std::vector<Attempt> attemptsOf(const StartSettings& starts, const PosePrior& prior) {
   if (starts.box()) {
-    return {{1, {kSomeEmpty, 0.6}}, {1, {kMaxEmpty, 0.6}}, {1, {kSomeEmpty, 0.45}}, {1, {kSomeEmpty, 0.6}, 8}};
+    return {{1, {kSomeEmpty, 0.9}},
+            {1, {kMaxEmpty, 0.9}},
+            {1, {kSomeEmpty, 1.1}},
+            {1, {kSomeEmpty, 0.7}},
+            {1, {kSomeEmpty, 0.9}, 8}};
   }
   if (prior.covariance) return {{1, {kSomeEmpty}}, {1, {kMaxEmpty}}};
   return {{1, {kSomeEmpty}},  {1, {kMaxEmpty}},       {1.8, {kSomeEmpty}},
-          {1.8, {kMaxEmpty}}, {3, {kSomeEmpty, 0.6}}, {3, {kMaxEmpty, 0.6}}};
+          {1.8, {kMaxEmpty}}, {3, {kSomeEmpty, 0.9}}, {3, {kMaxEmpty, 0.9}}};
 }
 
 constexpr double kWidest = 3;
