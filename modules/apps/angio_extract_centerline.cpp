@@ -104,7 +104,7 @@ int extractOne(const XrayFrames& frames, const Options& o, CenterlineExtractor& 
   return 0;
 }
 
-// Frames from before contrast agent arrived wait for what the run shows then.
+// Frames from before contrast agent arrived wait for what the run shows then; where it never arrives, for its end.
 int extractAll(const XrayFrames& frames, const Options& o, CenterlineExtractor& extractor) {
   const Files files(o);
   const cv::Mat mask = o.mask_frame ? frames.frame(*o.mask_frame) : cv::Mat();
@@ -112,6 +112,7 @@ int extractAll(const XrayFrames& frames, const Options& o, CenterlineExtractor& 
   DeviceHistory history;
   std::vector<Centerline2d> waiting;
   int with_vessels = 0, with_devices = 0, next = 0;
+  double side_px = 0;
   const auto write = [&](const cv::Mat& image, const Centerline2d& seen) {
     const Counts counts = writeFrame(image, seen, files, next);
     with_vessels += counts.vessels > 0;
@@ -124,7 +125,7 @@ int extractAll(const XrayFrames& frames, const Options& o, CenterlineExtractor& 
   };
   for (int frame = 0; frame < frames.count(); ++frame) {
     const cv::Mat image = frames.frame(frame);
-    const double side_px = std::min(image.cols, image.rows);
+    side_px = std::min(image.cols, image.rows);
     const Centerline2d seen = history.named(extractor.extract(mask.empty() ? image : subtracted(image, mask)), side_px);
     if (history.knowsVessels()) {
       if (!waiting.empty()) writeWaiting(history.namedAgain(waiting, side_px));
@@ -134,7 +135,7 @@ int extractAll(const XrayFrames& frames, const Options& o, CenterlineExtractor& 
     }
     bar.show(frame + 1);
   }
-  writeWaiting(waiting);
+  writeWaiting(next == 0 ? DeviceHistory::namedFromEnd(waiting, side_px) : waiting);
   std::cout << frames.count() << " frames: vessels in " << with_vessels << ", devices in " << with_devices
             << "; a frame without has no file\n";
   return 0;

@@ -203,8 +203,8 @@ void addEvaluateExtraction(cli::Command& app, Work& work, const Campaigns& campa
           ->needs(device);
   command
       ->addFlag("--whole-run", o->whole_run,
-                "Frames from before contrast agent arrives are named by what their runs show later, as those of a file "
-                "are")
+                "Frames that are not known by those before them are named by what their runs show later, as those of a "
+                "file are")
       ->needs(run)
       ->group(cli::kFurtherOptions);
   command->addOption("--from-s", o->from_s, "When such a run begins; the injection does at 0.3 s")

@@ -112,6 +112,44 @@ TEST(DeviceHistory, AVesselThatFillsAroundADeviceStaysAndTheDeviceHasALineOfItsO
   EXPECT_GT(coverage(scene, ofKind(found, CurveKind::kDevice), 2), 0.9);
 }
 
+// A catheter's end lies at its own side, as a branch's does.
+TEST(DeviceHistory, ADeviceThatCrossesItselfIsNoTree) {
+  const Vessel loop{straightTube({100, 300}, {360, 300}, 3), arcTube({170, 300}, 60, -2.6, 0, 3)};
+  const auto run = makeRunExtractor(RidgeSettings{});
+  Centerline2d found;
+  for (int frame = 0; frame < 5; ++frame) {
+    Scene scene;
+    scene.seed = static_cast<unsigned>(frame);
+    scene.vessels = {loop, loop};
+    if (frame >= 3) scene.vessels.push_back(kTree);
+    found = run->extract(render(scene));
+  }
+  EXPECT_GT(named(found, loop).covered, 0.9);
+  EXPECT_LT(named(found, loop).off, 0.02);
+}
+
+// Vessels are full when the run begins, a rest of the contrast agent is in one of them at its end, and fades.
+TEST(DeviceHistory, ARunThatBeginsWithFullVesselsIsNamedFromItsEnd) {
+  const auto extractor = makeExtractor(RidgeSettings{});
+  const Tube stained = arcTube({380, 420}, 90, -2.5, 0.4, 4);
+  std::vector<Centerline2d> frames;
+  imaging::DeviceHistory history;
+  for (int frame = 0; frame < 7; ++frame) {
+    Scene scene;
+    scene.seed = static_cast<unsigned>(frame);
+    scene.vessels = {catheterIn(frame), catheterIn(frame)};
+    for (int i = 0; i < (frame < 3 ? 2 : 1); ++i) scene.vessels.push_back({stained});
+    if (frame < 3) scene.vessels.push_back(movedBy(kTree, {2.5 * frame, -4.0 * frame}));
+    frames.push_back(history.named(extractor->extract(render(scene)), 512));
+  }
+  EXPECT_FALSE(history.knowsVessels());
+  frames = imaging::DeviceHistory::namedFromEnd(frames, 512);
+  for (int frame = 0; frame < 7; ++frame) {
+    EXPECT_GT(named(frames[frame], catheterIn(frame)).covered, 0.9) << frame;
+    EXPECT_LT(named(frames[frame], catheterIn(frame)).off, 0.02) << frame;
+  }
+}
+
 // Frames' amounts, each seen with branches or not, and whether contrast agent has arrived at the end.
 bool arrives(const std::vector<double>& amounts, double branched_from) {
   imaging::ContrastArrival contrast;

@@ -62,7 +62,7 @@ ExtractionSamples deviceSamples(const std::vector<VesselTree>& trees, const std:
     if (!(runs.frames_per_s > 0)) return sample;
     const int index = static_cast<int>(std::max(0.0, time_s - runs.from_s) * runs.frames_per_s);
     const int after = runs.looks_ahead ? static_cast<int>((kLast_s - time_s) * runs.frames_per_s) : 0;
-    sample.run = {index, index + 1 + after, [=, pose = trial.truth](int frame) {
+    sample.run = {index, index + 1 + after, runs.looks_ahead, [=, pose = trial.truth](int frame) {
                     const XrayScene at = patient->scene(pose, time_s + (frame - index) / runs.frames_per_s);
                     return patient->render(seen_by, at, static_cast<std::uint64_t>((i + 1) * kFrames + frame));
                   }};

@@ -109,16 +109,20 @@ Extracted extractedInRun(const ExtractionSample& sample, CenterlineExtractor& ex
   const double side_px = std::min(sample.image.cols, sample.image.rows);
   const ExtractionSample::Run& run = *sample.run;
   DeviceHistory history;
-  for (int k = 0; k < run.index; ++k) history.named(extractor.extract(run.frame(k)), side_px);
+  std::vector<Centerline2d> found;
+  for (int k = 0; k < run.index; ++k) found.push_back(history.named(extractor.extract(run.frame(k)), side_px));
   const Stopwatch stage;
-  std::vector<Centerline2d> found = {history.named(extractor.extract(sample.image), side_px)};
+  found.push_back(history.named(extractor.extract(sample.image), side_px));
   const double time_s = stage.seconds();
-  if (history.knowsVessels()) return {found.front(), time_s};
+  if (history.knowsVessels() || !run.looks_ahead) return {found.back(), time_s};
   for (int k = run.index + 1; k < run.count && !history.knowsVessels(); ++k) {
     found.push_back(history.named(extractor.extract(run.frame(k)), side_px));
   }
-  if (history.knowsVessels()) found.pop_back();  // It is named already.
-  return {history.namedAgain(std::move(found), side_px).front(), time_s};
+  if (!history.knowsVessels()) {
+    found = DeviceHistory::namedFromEnd(std::move(found), side_px);
+    return {found[static_cast<std::size_t>(run.index)], time_s};
+  }
+  return {history.namedAgain({found.begin() + run.index, found.end() - 1}, side_px).front(), time_s};
 }
 
 }  // namespace

@@ -3,7 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 #include <utility>
+
+#include "quantile.hpp"
 
 namespace angio::imaging {
 namespace {
@@ -17,6 +21,9 @@ constexpr double kMinLength_px = 25, kMaxRadius = 0.0086;
 constexpr double kInMost = 0.6;
 // With more frames than this the older half counts half as much; what is in less than this part of them goes.
 constexpr double kMaxFrames = 32, kSeldom = 0.1;
+// Lines that absorb so many times more than before have more contrast agent in them; noise and overlap change them by a
+// third.
+constexpr double kDarkened = 1.4;
 // With less than this part in so many frames in a row they are lost.
 constexpr double kLost = 0.25;
 constexpr int kFramesLost = 3;
@@ -123,6 +130,22 @@ void DeviceCandidates::learn(const SeenLines& seen, double side) {
     candidate.radius += part * (point.radius - candidate.radius);
   }
   if (++frames_ > kMaxFrames) forgetOld();
+}
+
+void DeviceCandidates::dropDarkened(const SeenLines& seen) {
+  std::map<int, std::vector<float>> ratios;
+  for (const Candidate& candidate : candidates_) {
+    const int near = seen.along(candidate, kSeenAgain_px);
+    if (near < 0) continue;
+    const SeenPoint& point = seen.points()[static_cast<std::size_t>(near)];
+    ratios[candidate.line].push_back(static_cast<float>(point.absorbed() / candidate.absorbed()));
+  }
+  std::set<int> darkened;
+  for (const auto& [line, of_line] : ratios) {
+    if (medianOf(of_line) > kDarkened) darkened.insert(line);
+  }
+  const auto hasDarkened = [&](const Candidate& candidate) { return darkened.count(candidate.line) > 0; };
+  candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(), hasDarkened), candidates_.end());
 }
 
 std::vector<SeenPoint> DeviceCandidates::steady() const {

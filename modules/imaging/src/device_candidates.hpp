@@ -26,6 +26,11 @@ class DeviceCandidates {
   /// first time. Lines that are short, or wider than a catheter, are none. `side` is the image's [working px].
   void learn(const SeenLines& seen, double side);
 
+  /// Drops lines that absorb more in this frame than they did without contrast agent: vessels with a rest of it. It is
+  /// for frames after an injection, in which a rest is the same all along a vessel. Before one, vessels fill around a
+  /// device, and all of it may be darker when much shows.
+  void dropDarkened(const SeenLines& seen);
+
   /// The points that most frames without contrast agent have shown, line by line, where they are now; radius and
   /// contrast are means over those frames.
   std::vector<SeenPoint> steady() const;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "contrast_arrival.hpp"
@@ -15,13 +16,16 @@ namespace {
 constexpr double kWorkingImage_px = 704;
 // A line that runs along a device within so much may be the device [working px].
 constexpr double kAlongDevice_px = 3;
-// With so many times a device's contrast it is a vessel that has filled around it; noise and overlap change a device's
-// own by a third.
-constexpr double kFilled = 1.5;
+// A line that absorbs so many times what a device does is a vessel that has filled around it; noise and overlap change
+// a device's own by a third.
+constexpr double kFilled = 1.7;
 // A vessel's line lies farther from a device in it, but for the vessel's radius not by more than this [working px].
 constexpr double kInVessel_px = 6;
 // Shorter branches may be noise's [working px].
 constexpr double kMinBranch_px = 25;
+// A device that crosses itself ends at its own side, up to so many times in what is found of it; a tree does many
+// times.
+constexpr int kMaxEndsOfDevices = 3;
 // What most of so many points to both sides are, a point is; fewer are no line.
 constexpr std::size_t kNeighbors = 7;
 // Points of one device are no farther apart [working px].
@@ -34,13 +38,17 @@ PlacedLines placed(const std::vector<SeenPoint>& points) {
   return placed;
 }
 
+// Whether a line is that of a vessel around a device. A wide vessel with little contrast agent is no darker than the
+// device in it, but absorbs more per length, which goes with contrast and width.
+bool isFilled(const SeenPoint& line, const SeenPoint& device) { return line.absorbed() >= kFilled * device.absorbed(); }
+
 // Which points are a device's, without single ones among others.
 void nameAlong(const SeenLines& seen, const std::vector<SeenPoint>& devices, std::vector<CurveKind>& kind) {
   const PlacedLines known = placed(devices);
   std::vector<int> is_device;
   for (const SeenPoint& point : seen.points()) {
     const int near = known.along(point, kAlongDevice_px);
-    is_device.push_back(near >= 0 && point.contrast < kFilled * devices[static_cast<std::size_t>(near)].contrast);
+    is_device.push_back(near >= 0 && !isFilled(point, devices[static_cast<std::size_t>(near)]));
   }
   for (const SeenLines::Range& line : seen.lines()) {
     for (std::size_t i = line.begin; i < line.end; ++i) {
@@ -74,8 +82,7 @@ std::vector<std::vector<SeenPoint>> withinVessels(const SeenLines& seen, const s
     const int near = seen.along(device, kInVessel_px);
     if (near < 0 || named.along(device, kAlongDevice_px) >= 0) return false;
     const SeenPoint& vessel = seen.points()[static_cast<std::size_t>(near)];
-    return vessel.contrast >= kFilled * device.contrast &&
-           (vessel.at - device.at).norm() < vessel.radius + kAlongDevice_px;
+    return isFilled(vessel, device) && (vessel.at - device.at).norm() < vessel.radius + kAlongDevice_px;
   };
   std::vector<std::vector<SeenPoint>> parts(1);
   for (const SeenPoint& device : devices) {
@@ -152,6 +159,7 @@ class RunExtractor final : public CenterlineExtractor {
 struct DeviceHistory::Memory {
   ContrastArrival contrast;
   DeviceCandidates candidates;
+  bool backwards = false;  // Frames come from the last one on.
 };
 
 DeviceHistory::DeviceHistory() : memory_(std::make_unique<Memory>()) {}
@@ -166,11 +174,14 @@ Centerline2d DeviceHistory::named(const Centerline2d& found, double side_px) {
   const double px = workingPixel(side_px), side = side_px / px;
   const SeenLines seen(found, px);
   memory_->candidates.follow(seen);
-  if (memory_->candidates.lost()) *memory_ = {};
+  if (memory_->candidates.lost()) *memory_ = {{}, {}, memory_->backwards};
   DeviceCandidates& candidates = memory_->candidates;
-  const ContrastArrival::Frame frame = memory_->contrast.add(seen.amount(), seen.branches(kMinBranch_px) > 0, side);
+  const bool knew_vessels = knowsVessels();
+  const bool branched = seen.branches(kMinBranch_px) > kMaxEndsOfDevices;
+  const ContrastArrival::Frame frame = memory_->contrast.add(seen.amount(), branched, side);
   if (frame == ContrastArrival::Frame::kAnew) candidates.clear();
   if (frame != ContrastArrival::Frame::kFilled) candidates.learn(seen, side);
+  if (memory_->backwards && knowsVessels() && !knew_vessels) candidates.dropDarkened(seen);
   return knowsVessels() ? withDevices(found, seen, candidates.steady(), px) : found;
 }
 
@@ -183,6 +194,23 @@ std::vector<Centerline2d> DeviceHistory::namedAgain(std::vector<Centerline2d> fr
     const SeenLines seen(*frame, px);
     candidates.follow(seen);
     *frame = withDevices(*frame, seen, candidates.steady(), px);
+  }
+  return frames;
+}
+
+std::vector<Centerline2d> DeviceHistory::namedFromEnd(std::vector<Centerline2d> frames, double side_px) {
+  DeviceHistory history;
+  history.memory_->backwards = true;
+  std::size_t waiting = frames.size();  // The end of those that are not named yet.
+  for (std::size_t k = frames.size(); k-- > 0;) {
+    frames[k] = history.named(frames[k], side_px);
+    if (!history.knowsVessels()) continue;
+    const auto first = frames.begin() + static_cast<std::ptrdiff_t>(k) + 1,
+               last = frames.begin() + static_cast<std::ptrdiff_t>(waiting);
+    std::vector<Centerline2d> later(std::make_reverse_iterator(last), std::make_reverse_iterator(first));
+    later = history.namedAgain(std::move(later), side_px);
+    std::move(later.rbegin(), later.rend(), first);
+    waiting = k;
   }
   return frames;
 }

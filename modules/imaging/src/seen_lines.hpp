@@ -12,6 +12,9 @@ namespace angio::imaging {
 struct SeenPoint : LinePoint {
   double radius = 0, contrast = 0;
   int line = 0;
+
+  /// What the line absorbs per length, but for a factor that all lines share.
+  double absorbed() const { return contrast * radius; }
 };
 
 /// The lines that were found in one frame, as the points of its centreline and in their order.

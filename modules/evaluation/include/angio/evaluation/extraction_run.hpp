@@ -117,9 +117,10 @@ struct ExtractionSample {
   Centerline2d shown = {};
   bool has_truth = true;  ///< False: nobody knows what is to be found, and nothing is scored.
   /// The other frames of its run: from number 0 on, without its own, `index`, up to `count`; none: the image stands
-  /// alone. Those after it are looked at until contrast agent arrives.
+  /// alone. If the run `looks_ahead`, those after it are looked at until contrast agent arrives, or all of them.
   struct Run {
     int index = 0, count = 0;
+    bool looks_ahead = false;
     std::function<cv::Mat(int frame)> frame;
   };
   std::optional<Run> run = {};

@@ -12,8 +12,8 @@ namespace angio::imaging {
 /// catheter or guidewire was there.
 ///
 /// Lines that stand in most frames without contrast agent are followed from frame to frame, and once it has arrived,
-/// what runs along them and absorbs no more than they did is a device. Where a vessel has filled around a device, the
-/// line found is the vessel's, and the device gets one of its own, where it was followed to.
+/// what runs along them and absorbs no more per length than they did is a device. Where a vessel has filled around a
+/// device, the line found is the vessel's, and the device gets one of its own, where it was followed to.
 ///
 /// It knows nothing before contrast agent arrives, nor in a run that begins later, nor of a device that comes in later:
 /// what is found then stays as it is. Frames may lie so far apart in time that lines move by a sixtieth of the image's
@@ -36,6 +36,11 @@ class DeviceHistory {
   /// Frames of the run from before contrast agent arrived, in their order, named by what is known now, when the last
   /// frame given to named() followed them. As they are where none has arrived.
   std::vector<Centerline2d> namedAgain(std::vector<Centerline2d> frames, double side_px) const;
+
+  /// The frames of a run up to its end, in their order, named by what stands when contrast agent has gone, for runs in
+  /// which none arrives: they begin while vessels fill or are full. `frames` as given to named(). They come back as
+  /// they are where the run ends before contrast agent has gone.
+  static std::vector<Centerline2d> namedFromEnd(std::vector<Centerline2d> frames, double side_px);
 
   /// Whether contrast agent has arrived in this run: before, nothing is named.
   bool knowsVessels() const;
