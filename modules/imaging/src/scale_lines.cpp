@@ -106,18 +106,20 @@ HWY_INLINE Float valuesAt(const FlankPixels& image, Float x, Float y) {
   return hn::MulAdd(v, hn::Sub(lower, upper), upper);
 }
 
-// Takes lines out of a row: those that do not rise on both sides, and those that a sharper filter sees to be darker
-// beside their middle. Two vessels side by side are one wide line to a coarse filter.
-void scoreRow(const FlankRow& row, const int* columns, int count, float* strength) {
+// Takes pixels out of lines: those from which it does not rise on both sides, and those beside whose middle a sharper
+// filter sees what is darker. Two vessels side by side are one wide line to a coarse filter. There is room for a vector
+// behind the pixels' columns and rows. `strength` has rows of `stride` pixels.
+void scorePixels(const FlankImages& by, const int* columns, int* rows, int count, float* strength, int stride) {
   const FloatTag d;
   const hn::RebindToSigned<FloatTag> whole;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const float *here = row.image.values + static_cast<std::ptrdiff_t>(row.y) * row.image.stride,
-              *above = here - row.image.stride, *below = here + row.image.stride;
+  const float *here = by.image.values, *above = here - by.image.stride, *below = here + by.image.stride;
   const auto zero = hn::Zero(d), half = hn::Set(d, 0.5f), one = hn::Set(d, 1.0f);
+  for (int k = 0; k < lanes; ++k) rows[count + k] = rows[count - 1];
   for (int first = 0; first < count; first += lanes) {
-    const auto column = hn::LoadU(whole, columns + first);
-    const auto at = [&](const float* from, int dx) { return hn::GatherIndex(d, from + dx, column); };
+    const auto column = hn::LoadU(whole, columns + first), row = hn::LoadU(whole, rows + first);
+    const auto place = hn::Add(hn::Mul(row, hn::Set(whole, by.image.stride)), column);
+    const auto at = [&](const float* from, int dx) { return hn::GatherIndex(d, from + dx, place); };
     // Direction across the line, from its doubled angle.
     const auto middle = at(here, 0), twice = hn::Add(middle, middle);
     const auto xx = hn::Sub(hn::Add(at(here, -1), at(here, 1)), twice);
@@ -129,29 +131,29 @@ void scoreRow(const FlankRow& row, const int* columns, int count, float* strengt
     const auto c = hn::Neg(hn::Div(difference, hn::Max(root, hn::Set(d, 1e-30f))));
     const auto nx = hn::Sqrt(hn::Max(zero, hn::Mul(half, hn::Add(one, c))));
     const auto ny = hn::CopySignToAbs(hn::Sqrt(hn::Max(zero, hn::Mul(half, hn::Sub(one, c)))), hn::Neg(xy));
-    const auto fx = hn::ConvertTo(d, column), fy = hn::Set(d, static_cast<float>(row.y));
+    const auto fx = hn::ConvertTo(d, column), fy = hn::ConvertTo(d, row);
     const auto beside = [&](const FlankPixels& image, float per_pixel, float away) {
-      const auto scale = hn::Set(d, per_pixel), far = hn::Set(d, away * row.sigma * per_pixel);
+      const auto scale = hn::Set(d, per_pixel), far = hn::Set(d, away * by.sigma * per_pixel);
       const auto x = hn::Mul(scale, fx), y = hn::Mul(scale, fy);
       return std::make_pair(valuesAt(image, hn::NegMulAdd(far, nx, x), hn::NegMulAdd(far, ny, y)),
                             valuesAt(image, hn::MulAdd(far, nx, x), hn::MulAdd(far, ny, y)));
     };
-    const auto flanks = beside(row.image, 1, kFlank);
+    const auto flanks = beside(by.image, 1, kFlank);
     const auto left = hn::Sub(middle, flanks.first), right = hn::Sub(middle, flanks.second);
     const auto allowed = hn::Mul(hn::Set(d, kSymmetry), hn::Max(left, right));
     auto keep = hn::Ge(hn::Min(left, right), allowed);
-    if (row.finer.values != nullptr && !hn::AllFalse(d, keep)) {
-      const auto scale = hn::Set(d, row.per_pixel);
-      const auto top = hn::Add(valuesAt(row.finer, hn::Mul(scale, fx), hn::Mul(scale, fy)), allowed);
+    if (by.finer.values != nullptr && !hn::AllFalse(d, keep)) {
+      const auto scale = hn::Set(d, by.per_pixel);
+      const auto top = hn::Add(valuesAt(by.finer, hn::Mul(scale, fx), hn::Mul(scale, fy)), allowed);
       for (const float away : {kNarrow, kWide}) {
-        const auto sharper = beside(row.finer, row.per_pixel, away);
+        const auto sharper = beside(by.finer, by.per_pixel, away);
         keep = hn::AndNot(hn::Gt(hn::Max(sharper.first, sharper.second), top), keep);
       }
     }
     float kept[Plane::kSlack];
     hn::StoreU(hn::IfThenElseZero(keep, one), d, kept);
-    for (int k = 0; k < lanes && first + k < count; ++k) {
-      if (!(kept[k] > 0)) strength[columns[first + k]] = 0;
+    for (int k = first; k < std::min(first + lanes, count); ++k) {
+      if (!(kept[k - first] > 0)) strength[static_cast<std::ptrdiff_t>(rows[k]) * stride + columns[k]] = 0;
     }
   }
 }
@@ -165,7 +167,10 @@ namespace angio::imaging {
 namespace {
 
 HWY_EXPORT(strengthRow);
-HWY_EXPORT(scoreRow);
+HWY_EXPORT(scorePixels);
+
+// So many pixels of lines are scored at a time, and those of the row that brings as many.
+constexpr int kGathered = 96;
 
 FlankPixels pixelsOf(const Plane& plane) {
   return {plane.row(0), static_cast<int>(plane.row(1) - plane.row(0)), plane.width(), plane.height()};
@@ -173,33 +178,39 @@ FlankPixels pixelsOf(const Plane& plane) {
 
 }  // namespace
 
-// All that is asked of a row is asked while it is at hand.
+// Rows are asked while they are at hand, their lines by whole vectors of pixels.
 void ScaleLineFinder::operator()(const SmoothedImage& image, float reach, const cv::Mat& least,
                                  const FinerImages* finer, LinePlane& strength) {
   const Plane& values = image.values;
   const int width = values.width(), height = values.height();
   strength.resize(width, height);
   if (height < 3) return;
-  columns_.assign(static_cast<std::size_t>(width) + 2 * Plane::kSlack, 1);
+  for (auto* places : {&columns_, &rows_}) {
+    places->assign(static_cast<std::size_t>(kGathered) + static_cast<std::size_t>(width) + 2 * Plane::kSlack, 1);
+  }
   threshold_.resize(static_cast<std::size_t>(width) + Plane::kSlack);
-  FlankRow flanks{pixelsOf(values), {nullptr, 0, 0, 0}, 1, image.sigma, 0};
+  FlankImages flanks{pixelsOf(values), {nullptr, 0, 0, 0}, 1, image.sigma};
   if (finer != nullptr) {
     flanks.finer = pixelsOf(finer->values);
     flanks.per_pixel = finer->per_pixel;
   }
-  int block = -1;
+  const int stride = static_cast<int>(strength.row(1) - strength.row(0));
+  int block = -1, count = 0;
   for (int y = 1; y + 1 < height; ++y) {
     if (y * least.rows / height != block) {
       block = y * least.rows / height;
       for (int x = 0; x < width; ++x) threshold_[x] = least.at<float>(block, x * least.cols / width);
     }
-    float* to = strength.row(y);
     const float* near = finer != nullptr ? finer->lines.row(y) : nullptr;
     const StrengthRow row{values.row(y - 1), values.row(y), values.row(y + 1), threshold_.data(), near, width,
                           image.sigma,       reach};
-    const int count = HWY_DYNAMIC_DISPATCH(strengthRow)(row, columns_.data(), to, strength.marks(y));
-    flanks.y = y;
-    if (count > 0) HWY_DYNAMIC_DISPATCH(scoreRow)(flanks, columns_.data(), count, to);
+    const int of_row =
+        HWY_DYNAMIC_DISPATCH(strengthRow)(row, columns_.data() + count, strength.row(y), strength.marks(y));
+    std::fill_n(rows_.begin() + count, of_row, y);
+    count += of_row;
+    if (count < kGathered && (y + 2 < height || count == 0)) continue;
+    HWY_DYNAMIC_DISPATCH(scorePixels)(flanks, columns_.data(), rows_.data(), count, strength.row(0), stride);
+    count = 0;
   }
 }
 

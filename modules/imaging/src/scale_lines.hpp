@@ -22,11 +22,10 @@ struct FlankPixels {
   int stride, width, height;
 };
 
-/// What a row of lines is scored by. `finer.values` is null where no finer image is asked.
-struct FlankRow {
+/// What pixels of lines are scored by. `finer.values` is null where no finer image is asked.
+struct FlankImages {
   FlankPixels image, finer;
   float per_pixel, sigma;
-  int y;
 };
 
 /// An image of the scale space, and the standard deviation of its filter [its own px].
@@ -57,7 +56,7 @@ class ScaleLineFinder {
                   LinePlane& strength);
 
  private:
-  std::vector<int> columns_;
+  std::vector<int> columns_, rows_;
   std::vector<float> threshold_;
 };
 
