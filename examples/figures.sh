@@ -235,11 +235,11 @@ seeing() {
   echo; "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed 7 --extractor ridge --filled 0.5
   echo; "${tracked[@]}" "${liver[@]}" --filled 0.5
   echo; "${tracked[@]}" "${coronary[@]}"
-  echo; echo "an injection that comes and goes with a catheter in the liver, then with a guidewire: frames alone, in their run, in one of a patient who breathes, in a run that is known to its end, in one that begins amid the injection"
+  echo; echo "an injection that comes and goes with a catheter in the liver, then with a guidewire: frames alone, in their run, in one of a patient who breathes, in a run that is known to its end, in such a one that begins amid the injection"
   local run
   for device in catheter guidewire; do
-    for run in "" "--frames-per-s 7.5" "--frames-per-s 7.5 --breath-mm 15" "--frames-per-s 7.5 --whole-run" "--frames-per-s 7.5 --from-s 0.8"; do
-      for seed in 11 7; do
+    for run in "" "--frames-per-s 7.5" "--frames-per-s 7.5 --breath-mm 15" "--frames-per-s 7.5 --whole-run" "--frames-per-s 7.5 --whole-run --from-s 0.8"; do
+      for seed in 11 7 53; do
         echo; echo "$device, seed $seed $run"
         # shellcheck disable=SC2086
         "$bin"/angio-evaluate extraction "${liver[@]}" --trials "${TRIALS:-40}" --seed "$seed" --extractor ridge --device "$device" $run
