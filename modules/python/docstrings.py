@@ -66,7 +66,11 @@ class Header:
             if not text.startswith("//"):
                 self.pending = []
             return
-        if not self.code and self.open and text.startswith("}") and indent <= self.open[-1][1]:
+        closes = self.open and text.startswith("}") and indent <= self.open[-1][1]
+        if closes and self.code and self.open[-1][2]:  # The last enumerator, which has no comma.
+            self.declared(self.code, indent + 2)
+            self.code, self.trailing = "", []
+        if not self.code and closes:
             self.open.pop()
             self.pending = []
             return

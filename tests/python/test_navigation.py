@@ -45,6 +45,7 @@ def test_steers_a_catheter(lab, programs, data, tmp_path):
             if k == 110:  # As when somebody stops the drive.
                 report = angio.CatheterController.withheld(report, "stopped")
                 said.verdict = angio.ServoVerdict.taken_back
+            assert abs(report.command.insertion_speed_m_per_s) <= abs(report.answer.command.insertion_speed_m_per_s)  # Cut, never more.
             controller.commit(report.command)
             controller.learn()
             catheter.obey(report.command, now_us + 60_000)
@@ -57,6 +58,7 @@ def test_steers_a_catheter(lab, programs, data, tmp_path):
     assert catheter.truth().path_m > 0.035 and report.catheter_px.shape[1] == 2
     assert np.linalg.norm(report.belief.tip.tip_model - catheter.truth().tip_model) < 3e-3
     assert report.belief.status == angio.BeliefStatus.seen and report.registration.converged and report.view_request is None
+    assert report.answer.state == report.state and report.answer.why == report.why and angio.NavigationAnswer.another_view.__doc__
     assert catheter.truth().max_push_n <= 0.8
 
     settings = tmp_path / "settings.yaml"

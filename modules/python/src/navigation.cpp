@@ -12,44 +12,21 @@ namespace angio::python {
 namespace {
 
 using navigation::CatheterController;
+using navigation::NavigationAnswer;
 using navigation::NavigationState;
 
-// A controller and the tree that its registrations are of.
-class TreeController {
- public:
-  TreeController(std::shared_ptr<const VesselTree> tree, const CArmCalibration& calibration, const TreeLocation& start,
-                 const TreeLocation& target, const py::object& given)
-      : tree_(std::move(tree)) {
-    const apps::NavigateSettings settings = withFields(apps::NavigateSettings{}, given, "settings");
-    settings.limits.check();
-    const navigation::CArmSetup setup = settings.stage(calibration);
-    controller_ = unlocked([&] {
-      return std::make_unique<Guarded<CatheterController>>(setup, *tree_, start, target, settings.controller);
-    });
-  }
+using TreeController = OnTree<CatheterController>;
+using ControllerReport = TreeReport<navigation::CatheterControllerReport>;
 
-  /// work(controller), as Guarded::use().
-  template <typename Work>
-  auto use(const Work& work) {
-    return controller_->use(work);
-  }
-
-  const std::shared_ptr<const VesselTree>& tree() const { return tree_; }
-
- private:
-  std::shared_ptr<const VesselTree> tree_;
-  std::unique_ptr<Guarded<CatheterController>> controller_;
-};
-
-// What a controller made of a frame, and the tree that it looked for.
-struct TreeCatheterReport {
-  navigation::CatheterControllerReport report;
-  std::shared_ptr<const VesselTree> tree;
-};
-
-template <typename Value>
-auto told(Value navigation::CatheterControllerReport::*member) {
-  return [member](const TreeCatheterReport& seen) { return seen.report.*member; };
+std::unique_ptr<TreeController> controllerOn(std::shared_ptr<VesselTree> tree, const CArmCalibration& calibration,
+                                             const TreeLocation& start, const TreeLocation& target,
+                                             const py::object& given) {
+  const apps::NavigateSettings settings = withFields(apps::NavigateSettings{}, given, "settings");
+  settings.limits.check();
+  const navigation::CArmSetup setup = settings.stage(calibration);
+  return std::make_unique<TreeController>(std::move(tree), [&](const VesselTree& of) {
+    return std::make_unique<Guarded<CatheterController>>(setup, of, start, target, settings.controller);
+  });
 }
 
 void bindBelief(py::module_& m) {
@@ -84,41 +61,49 @@ void bindBelief(py::module_& m) {
       .value("backing_off", NavigationState::kBackingOff, doc("NavigationState.kBackingOff"))
       .value("arrived", NavigationState::kArrived)
       .value("given_up", NavigationState::kGivenUp, doc("NavigationState.kGivenUp"));
+  BoundStruct<NavigationAnswer>(m, "NavigationAnswer")
+      .shows("command", &NavigationAnswer::command)
+      .shows("state", &NavigationAnswer::state)
+      .shows("why", &NavigationAnswer::why)
+      .shows("another_view", &NavigationAnswer::another_view);
 }
 
 void bindCatheterReport(py::module_& m) {
   using R = navigation::CatheterControllerReport;
   const auto said = [](const char* field) { return doc(std::string("CatheterControllerReport.") + field); };
-  py::class_<TreeCatheterReport>(m, "CatheterControllerReport", doc("CatheterControllerReport"))
-      .def_property_readonly("command", told(&R::command), said("command"))
-      .def_property_readonly("hold_reason", told(&R::hold_reason), said("hold_reason"))
-      .def_property_readonly("contradicts", told(&R::contradicts), said("contradicts"))
-      .def_property_readonly("roadmap", told(&R::roadmap), said("roadmap"))
-      .def_property_readonly("view_request", told(&R::view_request), said("view_request"))
+  py::class_<ControllerReport>(m, "CatheterControllerReport", doc("CatheterControllerReport"))
+      .def_property_readonly("command", ControllerReport::told(&R::command), said("command"))
+      .def_property_readonly("hold_reason", ControllerReport::told(&R::hold_reason), said("hold_reason"))
+      .def_property_readonly("contradicts", ControllerReport::told(&R::contradicts), said("contradicts"))
+      .def_property_readonly("roadmap", ControllerReport::told(&R::roadmap), said("roadmap"))
+      .def_property_readonly("view_request", ControllerReport::told(&R::view_request), said("view_request"))
       .def_property_readonly(
           "registration",
-          [](const TreeCatheterReport& s) {
+          [](const ControllerReport& s) {
             return s.report.registration ? std::optional(TreeResult{*s.report.registration, s.tree, 0}) : std::nullopt;
           },
           said("registration"))
       .def_property_readonly(
           "T_camera_model",
-          [](const TreeCatheterReport& s) {
+          [](const ControllerReport& s) {
             return s.report.patient ? std::optional(arrayOf(s.report.patient->T_camera_model)) : std::nullopt;
           },
           "Where the model is, of a frame that was searched for the catheter, 4 x 4; None of another one.")
       .def_property_readonly(
-          "state", [](const TreeCatheterReport& s) { return s.report.loop.answer.state; },
+          "state", [](const ControllerReport& s) { return s.report.loop.answer.state; },
           "What the navigator does with the frame.")
       .def_property_readonly(
-          "why", [](const TreeCatheterReport& s) { return s.report.loop.answer.why; },
+          "why", [](const ControllerReport& s) { return s.report.loop.answer.why; },
           "Why it stands still or goes back; empty when all is well.")
       .def_property_readonly(
-          "belief", [](const TreeCatheterReport& s) { return s.report.loop.input.belief; },
+          "answer", [](const ControllerReport& s) { return s.report.loop.answer; },
+          "The navigator's answer, whose command is not cut by force and limits yet.")
+      .def_property_readonly(
+          "belief", [](const ControllerReport& s) { return s.report.loop.input.belief; },
           "Where the tip is in the tree; None of a frame that was not searched for the catheter.")
       .def_property_readonly(
           "catheter_px",
-          [](const TreeCatheterReport& s) {
+          [](const ControllerReport& s) {
             const auto& trace = s.report.loop.trace;
             return trace ? std::optional(rowsOf<2, double>(trace->seen.points_px)) : std::nullopt;
           },
@@ -132,8 +117,7 @@ void bindNavigation(py::module_& m) {
   bindCatheterReport(m);
   const auto said = [](const char* member) { return doc(std::string("CatheterController.") + member); };
   py::class_<TreeController>(m, "CatheterController", doc("CatheterController"))
-      .def(py::init<std::shared_ptr<VesselTree>, const CArmCalibration&, const TreeLocation&, const TreeLocation&,
-                    const py::object&>(),
+      .def(py::init(&controllerOn),
            "The controller of a catheter whose tip is near `start`, on its way to `target`, in a C-arm that is as its "
            "calibration says. Settings are a dict or a file of angio-navigate. Throws InputError when a setting is out "
            "of its range, or a place is none of the tree's.",
@@ -141,13 +125,13 @@ void bindNavigation(py::module_& m) {
       .def(
           "propose",
           [](TreeController& c, const XrayFrame& frame, const CatheterInput& input) {
-            return TreeCatheterReport{c.use([&](CatheterController& l) { return l.propose(frame, input); }), c.tree()};
+            return ControllerReport{c.use([&](CatheterController& l) { return l.propose(frame, input); }), c.tree()};
           },
           said("propose"), "frame"_a, "input"_a)
       .def(
           "refuse",
           [](TreeController& c, const XrayFrame& frame, const std::string& why) {
-            return TreeCatheterReport{c.use([&](CatheterController& l) { return l.refuse(frame, why); }), c.tree()};
+            return ControllerReport{c.use([&](CatheterController& l) { return l.refuse(frame, why); }), c.tree()};
           },
           said("refuse"), "frame"_a, "why"_a)
       .def(
@@ -158,8 +142,8 @@ void bindNavigation(py::module_& m) {
           "learn", [](TreeController& c) { c.use([](CatheterController& l) { l.learn(); }); }, said("learn"))
       .def_static(
           "withheld",
-          [](const TreeCatheterReport& proposal, const std::string& why) {
-            TreeCatheterReport held = proposal;
+          [](const ControllerReport& proposal, const std::string& why) {
+            ControllerReport held = proposal;
             CatheterController::withhold(held.report, why);
             return held;
           },

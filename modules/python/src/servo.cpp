@@ -11,46 +11,23 @@
 namespace angio::python {
 namespace {
 
-// A loop and the tree that its registrations are of.
-class TreeLoop {
- public:
-  TreeLoop(std::shared_ptr<const VesselTree> tree, const CArmCalibration& calibration, const py::object& settings)
-      : tree_(std::move(tree)) {
-    const ServoLoopSettings loop =
-        apps::ServoSettings(withFields(apps::ServoSettings{}, settings, "settings")).loop(calibration);
-    loop_ = unlocked([&] { return std::make_unique<Guarded<ServoLoop>>(loop, *tree_); });
-  }
+using TreeLoop = OnTree<ServoLoop>;
+using LoopReport = TreeReport<ServoReport>;
 
-  /// work(loop), as Guarded::use().
-  template <typename Work>
-  auto use(const Work& work) {
-    return loop_->use(work);
-  }
+std::unique_ptr<TreeLoop> loopOn(std::shared_ptr<VesselTree> tree, const CArmCalibration& calibration,
+                                 const py::object& given) {
+  const ServoLoopSettings settings =
+      apps::ServoSettings(withFields(apps::ServoSettings{}, given, "settings")).loop(calibration);
+  return std::make_unique<TreeLoop>(
+      std::move(tree), [&](const VesselTree& of) { return std::make_unique<Guarded<ServoLoop>>(settings, of); });
+}
 
-  const std::shared_ptr<const VesselTree>& tree() const { return tree_; }
-
- private:
-  std::shared_ptr<const VesselTree> tree_;
-  std::unique_ptr<Guarded<ServoLoop>> loop_;
-};
-
-// What a loop made of a frame, and the tree that it looked for.
-struct TreeReport {
-  ServoReport report;
-  std::shared_ptr<const VesselTree> tree;
-};
-
-TreeReport propose(TreeLoop& loop, const XrayFrame& frame, const py::object& given) {
+LoopReport propose(TreeLoop& loop, const XrayFrame& frame, const py::object& given) {
   const bool whole = py::isinstance<ServoInput>(given);
   if (!whole && !py::isinstance<CArmState>(given)) throw py::type_error("state must be a CArmState or a ServoInput");
   const ServoInput input =
       whole ? given.cast<ServoInput>() : ServoInput{frame.time_us, frame.sequence, given.cast<CArmState>()};
   return {loop.use([&](ServoLoop& l) { return l.propose(frame, input); }), loop.tree()};
-}
-
-template <typename Value>
-auto reported(Value ServoReport::*member) {
-  return [member](const TreeReport& seen) { return seen.report.*member; };
 }
 
 void bindReport(py::module_& m) {
@@ -68,30 +45,30 @@ void bindReport(py::module_& m) {
       .shows("remark", &TaskAnswer::remark);
   using R = ServoReport;
   const auto said = [](const char* field) { return doc(std::string("ServoReport.") + field); };
-  py::class_<TreeReport>(m, "ServoReport", doc("ServoReport"))
-      .def_property_readonly("command", reported(&R::command), said("command"))
-      .def_property_readonly("hold_reason", reported(&R::hold_reason), said("hold_reason"))
-      .def_property_readonly("contradicts", reported(&R::contradicts), said("contradicts"))
-      .def_property_readonly("observed", reported(&R::observed), said("observed"))
-      .def_property_readonly("task", reported(&R::task), said("task"))
-      .def_property_readonly("control_s", reported(&R::control_s), said("control_s"))
+  py::class_<LoopReport>(m, "ServoReport", doc("ServoReport"))
+      .def_property_readonly("command", LoopReport::told(&R::command), said("command"))
+      .def_property_readonly("hold_reason", LoopReport::told(&R::hold_reason), said("hold_reason"))
+      .def_property_readonly("contradicts", LoopReport::told(&R::contradicts), said("contradicts"))
+      .def_property_readonly("observed", LoopReport::told(&R::observed), said("observed"))
+      .def_property_readonly("task", LoopReport::told(&R::task), said("task"))
+      .def_property_readonly("control_s", LoopReport::told(&R::control_s), said("control_s"))
       .def_property_readonly(
           "registration",
-          [](const TreeReport& s) {
+          [](const LoopReport& s) {
             const Observation& seen = s.report.observation;
             return TreeResult{seen.registration, s.tree, seen.image_s};
           },
           "Of a frame that was looked at.")
       .def_property_readonly(
-          "centerline", [](const TreeReport& s) { return s.report.observation.centerline; },
+          "centerline", [](const LoopReport& s) { return s.report.observation.centerline; },
           "What the registration went by.")
       .def_property_readonly(
           "predicted_T_camera_model",
-          [](const TreeReport& s) { return arrayOf(s.report.observation.predicted.T_camera_model); },
+          [](const LoopReport& s) { return arrayOf(s.report.observation.predicted.T_camera_model); },
           "Where the model was looked for, 4 x 4.")
       .def_property_readonly(
           "T_camera_model",
-          [](const TreeReport& s) {
+          [](const LoopReport& s) {
             return s.report.patient ? std::optional(arrayOf(s.report.patient->T_camera_model)) : std::nullopt;
           },
           "Where the model is, of a frame that may move the machine, 4 x 4; None of another one.");
@@ -102,7 +79,7 @@ void bindReport(py::module_& m) {
 void bindServo(py::module_& m) {
   bindReport(m);
   py::class_<TreeLoop>(m, "ServoLoop", doc("ServoLoop"))
-      .def(py::init<std::shared_ptr<VesselTree>, const CArmCalibration&, const py::object&>(),
+      .def(py::init(&loopOn),
            "The loop of a machine that is as its calibration says. Settings are a dict or a file of angio-servo: "
            "`task`, "
            "`view`, `law`, `limits` and so on.",
@@ -111,7 +88,7 @@ void bindServo(py::module_& m) {
       .def(
           "refuse",
           [](TreeLoop& loop, const XrayFrame& frame, const std::string& why) {
-            return TreeReport{loop.use([&](ServoLoop& l) { return l.refuse(frame, why); }), loop.tree()};
+            return LoopReport{loop.use([&](ServoLoop& l) { return l.refuse(frame, why); }), loop.tree()};
           },
           doc("ServoLoop.refuse"), "frame"_a, "why"_a)
       .def(
@@ -120,15 +97,15 @@ void bindServo(py::module_& m) {
       .def(
           "step",
           [](TreeLoop& loop, const XrayFrame& frame, const CArmState& state) {
-            return TreeReport{loop.use([&](ServoLoop& l) { return l.step(frame, state); }), loop.tree()};
+            return LoopReport{loop.use([&](ServoLoop& l) { return l.step(frame, state); }), loop.tree()};
           },
           doc("ServoLoop.step"), "frame"_a, "state"_a)
       .def(
           "learn", [](TreeLoop& loop) { loop.use([](ServoLoop& l) { l.learn(); }); }, doc("ServoLoop.learn"))
       .def_static(
           "withheld",
-          [](const TreeReport& proposal, const std::string& why) {
-            TreeReport held = proposal;
+          [](const LoopReport& proposal, const std::string& why) {
+            LoopReport held = proposal;
             ServoLoop::withhold(held.report, why);
             return held;
           },

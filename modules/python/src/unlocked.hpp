@@ -5,6 +5,7 @@
 #include <mutex>
 #include <utility>
 
+#include "angio/vessel/vessel_tree.hpp"
 #include "binding.hpp"
 
 namespace angio::python {
@@ -41,6 +42,42 @@ class Guarded {
  private:
   std::recursive_mutex mutex_;
   T object_;
+};
+
+/// An object that works on a tree and borrows it: keeps both, and guards the object.
+template <typename T>
+class OnTree {
+ public:
+  /// @param make  Returns a new object, as std::unique_ptr<Guarded<T>>, for the tree that it is given. Called without
+  ///              Python's lock.
+  template <typename Make>
+  OnTree(std::shared_ptr<const vessel::VesselTree> tree, const Make& make)
+      : tree_(std::move(tree)), object_(unlocked([&] { return make(*tree_); })) {}
+
+  /// work(object), as Guarded::use().
+  template <typename Work>
+  auto use(const Work& work) {
+    return object_->use(work);
+  }
+
+  const std::shared_ptr<const vessel::VesselTree>& tree() const { return tree_; }
+
+ private:
+  std::shared_ptr<const vessel::VesselTree> tree_;
+  std::unique_ptr<Guarded<T>> object_;
+};
+
+/// What such an object made of a frame, and the tree that it looked for.
+template <typename Report>
+struct TreeReport {
+  Report report;
+  std::shared_ptr<const vessel::VesselTree> tree;
+
+  /// The getter of one of the report's fields.
+  template <typename Value>
+  static auto told(Value Report::*member) {
+    return [member](const TreeReport& seen) { return seen.report.*member; };
+  }
 };
 
 /// Lets Ctrl-C end long work, which calls this now and then: throws KeyboardInterrupt.
