@@ -2,28 +2,16 @@
 // angio-calibrate registration: T_dsa_cb from the anatomy itself, registered in several views.
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
+#include "anatomy_cases.hpp"
 #include "angio/apps/namespace.hpp"
-#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration/anatomy_registration.hpp"
-#include "angio/calibration/carm_files.hpp"
 #include "angio/calibration/pose_pictures.hpp"
-#include "angio/calibration_records/carm_calibration.hpp"
-#include "angio/calibration_records/pose_fields.hpp"
 #include "angio/cli/program.hpp"
 #include "angio/cli/progress_bar.hpp"
-#include "angio/imaging/extractor.hpp"
-#include "angio/io/centerline_files.hpp"
 #include "angio/io/image_files.hpp"
-#include "angio/io/vessel_files.hpp"
-#include "angio/io/whole_file.hpp"
-#include "angio/io/xa_files.hpp"
-#include "angio/results/case_run.hpp"
 #include "calibrate.hpp"
 #include "outputs.hpp"
 
@@ -31,155 +19,18 @@ namespace angio::apps {
 namespace {
 
 struct RegistrationOptions {
-  std::string cases, angles, carm, out, run, report, method = OrientedKernelSettings::kName;
-  double search_rotation_deg = 10, search_translation_mm = 30;
-  bool leave_one_out = false, refine = true;
-  AnatomyRegistrationSettings settings;
+  AnatomyAsked asked;
+  std::string out, report;
+  bool leave_one_out = false;
 };
 
-// A case set with what the C-arm said of its views.
-struct AnatomyCases {
-  CaseSet set;
-  AnatomyAngleSet angles;
-  std::optional<CArmFile> carm;
-  std::vector<std::string> input_paths;
-};
-
-AnatomyAngleSet anglesOf(const RegistrationOptions& o, const CaseSet& set, std::vector<std::string>& input_paths) {
-  const auto beside = std::filesystem::path(o.cases).parent_path() / "angles.yaml";
-  if (!o.angles.empty() || std::filesystem::exists(beside)) {
-    input_paths.push_back(o.angles.empty() ? beside.string() : o.angles);
-    return readAnatomyAngles(input_paths.back());
-  }
-  AnatomyAngleSet angles;
-  for (const Case& one : set.cases) {
-    const auto& image = one.views.front().image_path;
-    if (!image || !isDicom(*image)) {
-      throw InputError(o.cases, "cases", one.name,
-                       "has no angles: --angles, angles.yaml beside the case set, or a DICOM image");
-    }
-    angles.views.push_back(dicomAngles(one.name, *image));
-    input_paths.push_back(*image);
-  }
-  return angles;
-}
-
-AnatomyCases readAnatomyCases(const RegistrationOptions& o) {
-  AnatomyCases cases;
-  cases.set = readCaseSet(o.cases);
-  cases.input_paths.push_back(o.cases);
-  cases.angles = anglesOf(o, cases.set, cases.input_paths);
-  if (!o.carm.empty()) {
-    cases.carm = readCArmFile(o.carm);
-    cases.input_paths.push_back(o.carm);
-  }
-  for (const Case& one : cases.set.cases) {
-    if (one.tree_path != cases.set.cases.front().tree_path)
-      throw InputError(o.cases, "tree", one.name, "must be the same in all cases");
-    const auto& views = cases.angles.views;
-    if (std::none_of(views.begin(), views.end(), [&](const auto& view) { return view.name == one.name; })) {
-      throw InputError(cases.input_paths[1], "views", one.name, "is missing: every case must have its angles");
-    }
-  }
-  cases.input_paths.push_back(cases.set.cases.front().tree_path);
-  return cases;
-}
-
-AnatomyView viewOf(const AnatomyCases& cases, const CaseOutcome& outcome) {
-  const auto& all = cases.angles.views;
-  const AnatomyAngles& angles =
-      *std::find_if(all.begin(), all.end(), [&](const auto& view) { return view.name == outcome.name; });
-  CArmGeometry carm = cases.carm ? cases.carm->carm : CArmGeometry();
-  if (angles.source_isocenter_distance_m) {
-    carm.source_isocenter_distance_m = *angles.source_isocenter_distance_m;
-  } else if (!cases.carm) {
-    throw InputError(cases.input_paths[1], "source_isocentre_distance_mm", outcome.name,
-                     "is missing; --carm would tell");
-  }
-  AnatomyView view;
-  view.name = outcome.name;
-  view.run = angles.run;
-  view.T_camera_patient = carm.T_camera_patient(angles.joints);
-  CArmJoints at_zero = angles.joints;
-  at_zero.tail<3>().setZero();
-  view.isocenter_camera_m = carm.T_camera_patient(at_zero).translation();
-  view.T_camera_model = outcome.result.T_camera_model;
-  view.covariance = *outcome.result.covariance;
-  return view;
-}
-
-SeenAnatomy seenIn(const View& view) {
-  if (view.centerline_path) return {readCenterline(*view.centerline_path), view.camera};
-  const cv::Mat image = readXrayImage(*view.image_path, view.camera);
-  return {vesselsToMatch(makeExtractor(ExtractorSettings())->extract(image)), view.camera};
-}
-
-// The views that took part, in one order; a view from a centreline has no image.
-struct SeenViews {
-  std::vector<AnatomyView> views;
-  std::vector<SeenAnatomy> seen;
-  std::vector<std::optional<std::string>> image_paths;
-};
-
-AnatomyResult anatomyOf(const SeenViews& seen, const VesselTree& tree, const RegistrationOptions& o) {
-  const AnatomyResult result = registerAnatomy(seen.views, tree.centroid(), o.settings);
-  return o.refine ? refineAnatomy(result, seen.views, seen.seen, tree, o.settings) : result;
-}
-
-// For each view: T_dsa_cb made of the others alone, and what it says of this one.
-std::string leaveOneOutTable(const AnatomyResult& all, const SeenViews& seen, const VesselTree& tree,
-                             const RegistrationOptions& o) {
+std::string leaveOneOutTable(const std::vector<LeftOutView>& left_out) {
   std::string table = "\nleft out    predicted rotation off [deg]   T_dsa_cb of the others moves by [deg]\n";
-  for (std::size_t i = 0; i < seen.views.size(); ++i) {
-    SeenViews others = seen;
-    others.views.erase(others.views.begin() + i);
-    others.seen.erase(others.seen.begin() + i);
-    const AnatomyResult result = anatomyOf(others, tree, o);
-    const AnatomyView& view = seen.views[i];
-    const Eigen::Matrix3d predicted = view.T_camera_patient.linear() * result.T_dsa_cb.linear();
-    table += formatted("%-10s  %28.3f  %38.3f\n", view.name.c_str(),
-                       radToDeg(rotationAngle(view.T_camera_model.linear() * predicted.transpose())),
-                       radToDeg(rotationAngle(result.T_dsa_cb.linear() * all.T_dsa_cb.linear().transpose())));
+  for (const LeftOutView& view : left_out) {
+    table +=
+        formatted("%-10s  %28.3f  %38.3f\n", view.name.c_str(), radToDeg(view.rotation_rad), radToDeg(view.moved_rad));
   }
   return table;
-}
-
-Pose patientOfRun(const AnatomyResult& result, const std::string& run) {
-  if (run.empty()) return result.T_dsa_cb;
-  for (const RunShift& shift : result.runs) {
-    if (shift.run == run) return Eigen::Translation3d(shift.shift_m) * result.T_dsa_cb;
-  }
-  throw InputError("", "run", run, "must be one of the angles' runs");
-}
-
-// T_dsa_cb, the shifts of the runs and the record, where there is no C-arm file.
-void writePatientFile(const std::string& path, const Pose& T_dsa_cb, const AnatomyResult& result,
-                      const CalibrationRecord& record) {
-  nlohmann::ordered_json file;
-  if (!record.machine.empty()) file["machine"] = record.machine;
-  file["T_dsa_cb"] = poseAsJson(T_dsa_cb, result.covariance);
-  for (const RunShift& run : result.runs) {
-    nlohmann::ordered_json shift = nlohmann::ordered_json::array(), sigma = nlohmann::ordered_json::array();
-    for (int k = 0; k < 3; ++k) {
-      shift.push_back(1e3 * run.shift_m[k]);
-      sigma.push_back(1e3 * std::sqrt(run.covariance(k, k)));
-    }
-    file["runs"].push_back({{"name", run.run}, {"shift_mm", shift}, {"std_mm", sigma}});
-  }
-  file["calibration"][record.kind] = recordAsJson(record);
-  writeWholeFile(path, asYaml(file));
-}
-
-void writeAnatomy(const RegistrationOptions& o, const AnatomyCases& cases, const VesselTree& tree,
-                  const AnatomyResult& result) {
-  const CalibrationRecord record = anatomyRecord(result, cases.angles.machine, cases.input_paths);
-  const Pose T_dsa_cb = patientOfRun(result, o.run);
-  if (!cases.carm) return writePatientFile(o.out, T_dsa_cb, result, record);
-  const std::string& machine = cases.carm->machine;
-  if (!machine.empty() && !record.machine.empty() && machine != record.machine) {
-    throw InputError(o.carm, "machine", machine, "must be the angles' machine, " + record.machine);
-  }
-  writeCArmFile(o.out, withPatient(*cases.carm, T_dsa_cb, record, modelId(tree)));
 }
 
 // For a person: T_dsa_cb, the runs' shifts, each view against the others. `left_out` names those that were not
@@ -234,33 +85,15 @@ void writeAnatomyReport(const std::string& folder, const std::string& cases_path
 
 int runRegistration(const RegistrationOptions& o) {
   const ClaimedOutputs claimed(o.out, o.report);
-  const AnatomyCases cases = readAnatomyCases(o);
+  const AnatomyCases cases = readAnatomyCases(o.asked);
   ProgressBar bar("registering", static_cast<int>(cases.set.cases.size()));
-  CaseRunSettings how;
-  how.registration = registrationSettingsNamed(o.method);
-  how.starts.count = startsOfPreset(o.method);
-  how.starts.box_rotation_deg = o.search_rotation_deg;
-  how.starts.box_translation_mm = o.search_translation_mm;
-  const auto outcomes = runCases(cases.set, how, [&](int done) { bar.show(done); });
-  SeenViews seen;
-  std::string left_out;
-  for (std::size_t i = 0; i < outcomes.size(); ++i) {
-    if (!outcomes[i].result.covariance || outcomes[i].result.status == RegistrationStatus::kDiverged) {
-      left_out += (left_out.empty() ? "" : ", ") + outcomes[i].name + " (" + outcomes[i].result.reason + ")";
-      continue;
-    }
-    const View& view = cases.set.cases[i].views.front();
-    seen.views.push_back(viewOf(cases, outcomes[i]));
-    seen.seen.push_back(seenIn(view));
-    seen.image_paths.push_back(view.image_path);
-  }
-  const VesselTree tree = readVesselTree(cases.set.cases.front().tree_path);
-  const AnatomyResult result = anatomyOf(seen, tree, o);
-  if (!o.out.empty()) writeAnatomy(o, cases, tree, result);
-  const std::string table = anatomyTable(result, outcomes, left_out);
-  if (!o.report.empty()) writeAnatomyReport(o.report, o.cases, result, seen, tree, table);
-  std::cout << table;
-  if (o.leave_one_out) std::cout << leaveOneOutTable(result, seen, tree, o);
+  const RegisteredAnatomy found = registerViews(cases, o.asked, [&](int done) { bar.show(done); });
+  const AnatomyResult result = anatomyOf(found.seen, cases.tree, o.asked);
+  if (!o.out.empty()) writeAnatomy(o.out, cases, o.asked, result);
+  const std::string text = anatomyTable(result, found.outcomes, found.left_out);
+  if (!o.report.empty()) writeAnatomyReport(o.report, o.asked.cases, result, found.seen, cases.tree, text);
+  std::cout << text;
+  if (o.leave_one_out) std::cout << leaveOneOutTable(leaveOneOut(result, found.seen, cases.tree, o.asked));
   return 0;
 }
 
@@ -273,29 +106,31 @@ void addCalibrateRegistration(cli::Command& app, Work& work) {
   command->footer(
       "Examples:\n  angio-calibrate registration cases.yaml --carm carm.yaml --out lab.yaml\n"
       "  angio-calibrate registration examples/data/static-phantom/cases.yaml --leave-one-out");
-  command->addOption("cases", o->cases, "Case set (cases.yaml) of one tree; each case's first view is used")
+  command->addOption("cases", o->asked.cases, "Case set (cases.yaml) of one tree; each case's first view is used")
       ->required();
-  command->addOption("--angles", o->angles,
+  command->addOption("--angles", o->asked.angles,
                      "The C-arm's angles (.yaml); otherwise angles.yaml beside the case set, or those of DICOM images");
-  command->addOption("--carm", o->carm, "C-arm file (.yaml): the result is this file with T_dsa_cb");
+  command->addOption("--carm", o->asked.carm, "C-arm file (.yaml): the result is this file with T_dsa_cb");
   command->addOption("--out", o->out, "Result (.yaml)");
   command->addOption("--report", o->report, "Folder for pictures and a page (index.html)");
-  command->addOption("--run", o->run, "T_dsa_cb of this run, its shift included, instead of the runs' mean");
-  command->addOption("--method", o->method, "Registration method");
+  command->addOption("--run", o->asked.run, "T_dsa_cb of this run, its shift included, instead of the runs' mean");
+  command->addOption("--method", o->asked.method, "Registration method");
   command
-      ->addOption("--search-rotation-deg", o->search_rotation_deg, "Poses are searched so far about the initial ones")
+      ->addOption("--search-rotation-deg", o->asked.search_rotation_deg,
+                  "Poses are searched so far about the initial ones")
       ->check(between(0, 180));
-  command->addOption("--search-translation-mm", o->search_translation_mm, "and so far along each axis")
+  command->addOption("--search-translation-mm", o->asked.search_translation_mm, "and so far along each axis")
       ->check(between(0, 1000));
-  command->addOption("--angle-sigma-deg", o->settings.angle_std_deg, "Errors of the C-arm's angles")
+  command->addOption("--angle-sigma-deg", o->asked.settings.angle_std_deg, "Errors of the C-arm's angles")
       ->check(between(1e-4, 30));
   command
-      ->addOption("--shift-sigma-mm", o->settings.shift_std_mm,
+      ->addOption("--shift-sigma-mm", o->asked.settings.shift_std_mm,
                   "The isocentre moves so much from run to run; 0: not at all")
       ->check(between(0, 1000));
-  command->addOption("--outlier-gate", o->settings.outlier_gate, "Views further off than so many sigma are left out")
+  command
+      ->addOption("--outlier-gate", o->asked.settings.outlier_gate, "Views further off than so many sigma are left out")
       ->check(between(2, 100));
-  command->addFlag("--refine,!--no-refine", o->refine, "Refine jointly on the image points of all views");
+  command->addFlag("--refine,!--no-refine", o->asked.refine, "Refine jointly on the image points of all views");
   command->addFlag("--leave-one-out", o->leave_one_out, "Also each view's rotation as the others alone predict it");
   command->onChosen([o, &work] { work = [o] { return runRegistration(*o); }; });
 }

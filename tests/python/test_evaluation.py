@@ -43,6 +43,54 @@ def test_simulation(programs, data, tmp_path):
     assert error.mtre_m > 1e-4
 
 
+def test_catheter(programs, data, tmp_path):
+    """Settings and options reach the sequence too: of a rigid tree the results differ."""
+    folder, cases, out = data / "hepatic-tace", str(tmp_path / "cases.yaml"), tmp_path / "out.json"
+    frames = "".join(f"  - {{name: '{k}', centerline: {folder}/frames/c000{k}.csv, initial_pose: {folder}/nominal_pose.yaml}}\n" for k in range(6))  # For speed.
+    (tmp_path / "cases.yaml").write_text(f"sequence: true\ntree: {folder}/tree.csv\ncamera: {folder}/camera.yaml\ncases:\n{frames}")
+    subprocess.run([str(programs / "angio-evaluate"), "catheter", cases, "--learn-frames", "3", "--rigid", "--no-times", "--out", str(out)], check=True, capture_output=True)
+    said, done = json.loads(out.read_text()), []
+    found = angio.evaluate_catheter(cases, learn_frames=3, rigid=True, progress=done.append)
+    for way in found["ways"].values():
+        way["summary"].pop("time_ms", None)
+    assert found == said and done == [1, 2, 3] and len(found["ways"]) == 3
+    with pytest.raises(angio.InputError, match="learn_frames.*0.*1"):
+        angio.evaluate_catheter(cases, learn_frames=0)
+    with pytest.raises(angio.InputError, match="deformation_std_mm"):
+        angio.evaluate_catheter(cases, settings={"sequence": {"deformation_std_mm": -1}})
+
+
+def test_catheter_runs(programs, data, tmp_path):
+    tree, out = str(data / "hepatic-tace/tree.csv"), tmp_path / "out.json"
+    options = ["--runs", "2", "--frames", "3", "--seed", "5", "--rotation-deg", "1", "--translation-mm", "10", "--deformation-mm", "1", "--breath-mm", "2",
+               "--beside-mm", "0.5", "--noise-px", "0.8"]
+    subprocess.run([str(programs / "angio-evaluate"), "catheter-runs", "--tree", tree, *options, "--no-times", "--out", str(out)], check=True, capture_output=True)
+    said, done = json.loads(out.read_text()), []
+    found = angio.evaluate_catheter_runs([tree], 2, frames=3, seed=5, rotation_deg=1, translation_mm=10, deformation_mm=1, breath_mm=2, beside_mm=0.5, noise_px=0.8,
+                                         progress=done.append)
+    assert found == said and done == [1, 2] and found["summary"]["frames"] == 6
+    with pytest.raises(angio.InputError, match="trees"):
+        angio.evaluate_catheter_runs([])
+
+
+def test_registration_calibration(programs, data, tmp_path):
+    """T_dsa_cb of registered runs: the file is the program's, and so are the predictions of views that are left out."""
+    cases, by_program, by_module = str(data / "static-phantom/cases.yaml"), tmp_path / "program.yaml", tmp_path / "module.yaml"
+    options = ["--angle-sigma-deg", "0.7", "--run", "im2", "--leave-one-out"]
+    done = subprocess.run([str(programs / "angio-calibrate"), "registration", cases, *options, "--out", str(by_program)], check=True, capture_output=True, text=True)
+    found = angio.calibrate_registration_cases(cases, run="im2", leave_one_out=True, settings={"angle_std_deg": 0.7}, out=str(by_module))
+    assert without_date(by_module) == without_date(by_program)
+    rows = done.stdout.split("left out  ")[1].splitlines()[1:]
+    told = [[view.name, f"{np.degrees(view.rotation_rad):.3f}", f"{np.degrees(view.moved_rad):.3f}"] for view in found["leave_one_out"]]
+    assert told == [row.split() for row in rows] and len(told) == 4
+    assert set(found["statuses"].values()) == {"converged"} and found["not_registered"] == "" and len(found["views"]) == 4
+    translation_mm = re.search(r"translation_mm: \[(.*?)\]", by_module.read_text()).group(1).split(",")
+    assert np.allclose(1e3 * found["T_dsa_cb"][:3, 3], np.array(translation_mm, float), rtol=1e-12)  # Of that run, as written.
+    assert abs(found["runs"]["im2"]["shift_m"][1]) > 1e-3 and found["record"]["residual_rms"] > 0
+    with pytest.raises(angio.InputError, match="run.*im9"):
+        angio.calibrate_registration_cases(cases, run="im9")
+
+
 def test_camera_calibration(data):
     """Zhang's own views: points as arrays and the file give the same camera, which is that of his paper."""
     folder = data / "calib-zhang"

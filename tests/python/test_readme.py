@@ -15,7 +15,7 @@ def test_what_the_page_shows_runs(root, programs, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for words in (["simulate", "--images", "none", "--out", "data"], ["camera", "data/camera/views.yaml", "--out", "camera.yaml"]):
         subprocess.run([str(programs / "angio-calibrate"), *words], check=True, capture_output=True)
-    assert len(blocks(root)) == 5
+    assert len(blocks(root)) == 6
     names = {}
     for index, block in enumerate(blocks(root)):
         exec(compile(block, f"README.md, block {index}", "exec"), names)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include <nlohmann/json.hpp>
 
+#include "anatomy_cases.hpp"
 #include "angio/calibration/camera_calibration.hpp"
 #include "angio/calibration/carm_files.hpp"
 #include "angio/calibration/hand_eye.hpp"
@@ -114,6 +115,81 @@ py::dict handEyeOfFile(const std::string& path, const std::optional<std::string>
   return result;
 }
 
+Eigen::Vector3d spreadOf(const Eigen::Matrix3d& covariance) { return covariance.diagonal().cwiseSqrt(); }
+
+py::dict anatomyAsDict(const apps::AnatomyAsked& asked, const apps::RegisteredAnatomy& found,
+                       const AnatomyResult& result, const CalibrationRecord& record) {
+  py::dict dict, runs, statuses;
+  for (const RunShift& run : result.runs) {
+    runs[run.run.c_str()] = py::dict("shift_m"_a = run.shift_m, "std_m"_a = spreadOf(run.covariance));
+  }
+  for (const CaseOutcome& outcome : found.outcomes) statuses[outcome.name.c_str()] = statusName(outcome.result.status);
+  dict["T_dsa_cb"] = arrayOf(patientOf(result, asked));
+  dict["covariance"] = result.covariance;
+  dict["runs"] = runs;
+  dict["statuses"] = statuses;
+  dict["views"] = result.views;
+  dict["not_registered"] = found.left_out;
+  dict["chi2_per_freedom"] = result.chi2_per_freedom;
+  dict["held_out_rotation_rms_rad"] = result.held_out_rotation_rms_rad;
+  dict["record"] = pythonOf(recordAsJson(record));
+  return dict;
+}
+
+py::dict registrationOfCases(apps::AnatomyAsked asked, const std::optional<std::string>& out, bool leave_one_out,
+                             const py::object& settings, const py::object& progress) {
+  asked.settings = withFields(asked.settings, settings, "settings");
+  const PythonCallback report(progress);
+  const apps::AnatomyCases cases = unlocked([&] { return readAnatomyCases(asked); });
+  const apps::RegisteredAnatomy found =
+      alone([&] { return registerViews(cases, asked, [&](int done) { report(done); }); });
+  const AnatomyResult result = unlocked([&] { return anatomyOf(found.seen, cases.tree, asked); });
+  py::dict dict = anatomyAsDict(asked, found, result, anatomyRecord(result, cases.angles.machine, cases.input_paths));
+  if (leave_one_out) {
+    dict["leave_one_out"] = unlocked([&] { return leaveOneOut(result, found.seen, cases.tree, asked); });
+  }
+  if (out) writeAnatomy(*out, cases, asked, result);
+  return dict;
+}
+
+void bindRegistrationCalibration(py::module_& m) {
+  BoundStruct<AnatomyViewFit>(m, "AnatomyViewFit")
+      .shows("name", &AnatomyViewFit::name)
+      .shows("rotation_rad", &AnatomyViewFit::rotation_rad)
+      .shows("translation_m", &AnatomyViewFit::translation_m)
+      .shows("sigmas", &AnatomyViewFit::sigmas)
+      .shows("outlier", &AnatomyViewFit::outlier)
+      .shows("held_out_rotation_rad", &AnatomyViewFit::held_out_rotation_rad);
+  py::class_<apps::LeftOutView>(m, "LeftOutView", "A view left out, and T_dsa_cb made of the others alone.")
+      .def_readonly("name", &apps::LeftOutView::name)
+      .def_readonly("rotation_rad", &apps::LeftOutView::rotation_rad,
+                    "The view's rotation as registered from how T_dsa_cb predicts it.")
+      .def_readonly("moved_rad", &apps::LeftOutView::moved_rad, "T_dsa_cb from that of all views.");
+  const apps::AnatomyAsked usual;
+  m.def(
+      "calibrate_registration_cases",
+      [](const std::string& cases, const std::string& angles, const std::optional<std::string>& carm,
+         const std::optional<std::string>& out, const std::string& run, const std::string& method,
+         double search_rotation_deg, double search_translation_mm, bool refine, bool leave_one_out,
+         const py::object& settings, const py::object& progress) {
+        return registrationOfCases({cases, angles, carm.value_or(""), run, method, search_rotation_deg,
+                                    search_translation_mm, refine, AnatomyRegistrationSettings{}},
+                                   out, leave_one_out, settings, progress);
+      },
+      "T_dsa_cb, and a shift for each run, from a case set (cases.yaml) of registered runs: what `angio-calibrate "
+      "registration` finds, as a dict. `angles` is a file, otherwise angles.yaml beside the case set or the DICOM "
+      "images tell; with a C-arm file `carm`, `out` is that file with T_dsa_cb and its record, and without one "
+      "T_dsa_cb "
+      "with the runs' shifts, written whole or not at all; `run` takes T_dsa_cb of one run, its shift included. "
+      "Settings "
+      "are a dict: `angle_std_deg`, `shift_std_mm`. Throws InputError for what leaves the answer open; Ctrl-C ends the "
+      "registrations with those that are finished.",
+      "cases"_a, py::kw_only(), "angles"_a = "", "carm"_a = py::none(), "out"_a = py::none(), "run"_a = "",
+      "method"_a = usual.method, "search_rotation_deg"_a = usual.search_rotation_deg,
+      "search_translation_mm"_a = usual.search_translation_mm, "refine"_a = usual.refine, "leave_one_out"_a = false,
+      "settings"_a = py::none(), "progress"_a = py::none());
+}
+
 // A geometry with the C-arm file that angio-calibrate makes of it.
 struct CalibratedGeometry {
   GeometryCalibration found;
@@ -214,6 +290,7 @@ void bindCalibration(py::module_& m) {
         "not at all. `settings={\"mount\": \"identity\"}` is the program's --known-mount.",
         "path"_a, py::kw_only(), "carm"_a = py::none(), "out"_a = py::none(), "settings"_a = py::none());
   bindGeometryCalibration(m);
+  bindRegistrationCalibration(m);
 }
 
 }  // namespace angio::python

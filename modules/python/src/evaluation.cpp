@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "angio/io/case_files.hpp"
 #include "angio/io/measured_motion_file.hpp"
+#include "catheter_results.hpp"
 #include "evaluate_results.hpp"
 #include "fields.hpp"
 #include "seen.hpp"
@@ -15,17 +15,6 @@ namespace angio::python {
 namespace {
 
 using apps::ProgramSettings;
-
-// An evaluation hears signals while it runs, and of those that do there may be one.
-std::mutex one_at_a_time;
-
-template <typename Work>
-auto alone(const Work& work) {
-  return unlocked([&] {
-    const std::lock_guard<std::mutex> lock(one_at_a_time);
-    return work();
-  });
-}
 
 ProgramSettings readProgramSettings(const py::object& settings) {
   return withFields(ProgramSettings{}, settings, "settings");
@@ -82,6 +71,53 @@ py::object evaluateSimulation(const std::vector<std::shared_ptr<VesselTree>>& tr
   }));
 }
 
+py::object evaluateCatheter(const std::string& cases, const py::object& settings, double period_s, int learn_frames,
+                            bool rigid, const py::object& progress) {
+  const apps::CatheterSequenceAsked asked{withFields(apps::CatheterSequenceSettings{}, settings, "settings"), period_s,
+                                          learn_frames, rigid, nullptr};
+  const PythonCallback report(progress);
+  return pythonOf(alone(
+      [&] { return apps::catheterSequenceResults(readCaseSet(cases), asked, {}, [&](int done) { report(done); }); }));
+}
+
+py::object evaluateCatheterRuns(const std::vector<std::string>& trees, int runs, const CatheterRunSettings& run,
+                                const py::object& progress) {
+  const PythonCallback report(progress);
+  return pythonOf(alone([&] {
+    return apps::catheterRunsResults({trees, runs, run, nullptr}, [&](int done) { report(done); });
+  }));
+}
+
+void bindCatheterEvaluations(py::module_& m) {
+  const apps::CatheterSequenceAsked sequence;
+  m.def("evaluate_catheter", &evaluateCatheter,
+        "Locates a catheter's tip in the tree, in each frame of a case set (cases.yaml) whose centrelines are a "
+        "catheter's, in the order of time: what `angio-evaluate catheter` writes, as a dict. Settings as a dict or a "
+        "file, sections `sequence` and `catheter`; `learn_frames` come first, to learn the pose from, in the run frame "
+        "by frame; `rigid`: the vessels are where the tree has them, but for one pose. Ctrl-C ends it with the ways of "
+        "looking that are finished, of three.",
+        "cases"_a, py::kw_only(), "settings"_a = py::none(), "period_s"_a = sequence.period_s,
+        "learn_frames"_a = sequence.learn_frames, "rigid"_a = sequence.rigid, "progress"_a = py::none());
+  const CatheterRunSettings usual;
+  m.def(
+      "evaluate_catheter_runs",
+      [](const std::vector<std::string>& trees, int runs, int frames, int seed, double rotation_deg,
+         double translation_mm, double deformation_mm, double breath_mm, double beside_mm, double noise_px,
+         const py::object& progress) {
+        const CatheterRunSettings run{seed,           frames,         rotation_deg,
+                                      translation_mm, deformation_mm, breath_mm,
+                                      beside_mm,      noise_px,       CatheterRunSettings().spacing_px};
+        return evaluateCatheterRuns(trees, runs, run, progress);
+      },
+      "Registers trees by a simulated catheter that is pushed on in them: what `angio-evaluate catheter-runs` writes, "
+      "as a dict. `trees` are files, which the runs take in turn; the other arguments are that program's options. "
+      "Ctrl-C ends it with what is finished.",
+      "trees"_a, "runs"_a = apps::CatheterRunsAsked().runs, py::kw_only(), "frames"_a = usual.frames,
+      "seed"_a = usual.seed, "rotation_deg"_a = usual.rotation_std_deg, "translation_mm"_a = usual.translation_std_mm,
+      "deformation_mm"_a = usual.deformation_rms_mm, "breath_mm"_a = usual.breath_mm, "beside_mm"_a = usual.beside_mm,
+      "noise_px"_a = usual.noise_px, "progress"_a = py::none());
+}
+
 std::vector<OwnedView> viewsOf(const SimulatedTrial& trial) {
   std::vector<OwnedView> views;
   for (std::size_t i = 0; i < trial.cameras.size(); ++i) {
@@ -128,6 +164,7 @@ void bindEvaluation(py::module_& m) {
         "trees"_a, "methods"_a = usual, "simulation"_a = py::none(), py::kw_only(), "settings"_a = py::none(),
         "camera"_a = py::none(), "motions"_a = std::vector<std::string>{}, "extractor"_a = "", "starts"_a = 0,
         "nonrigid"_a = false, "progress"_a = py::none());
+  bindCatheterEvaluations(m);
 }
 
 }  // namespace angio::python

@@ -17,6 +17,18 @@ auto unlocked(const Work& work) {
   return work();
 }
 
+/// Taken by work that hears signals while it runs, as experiments do: of that there may be one at a time.
+inline std::mutex signal_hearer;
+
+/// unlocked() for such work.
+template <typename Work>
+auto alone(const Work& work) {
+  return unlocked([&] {
+    const std::lock_guard<std::mutex> lock(signal_hearer);
+    return work();
+  });
+}
+
 /// An object of C++ that serves one thread at a time: of Python's threads one waits for the other.
 template <typename T>
 class Guarded {
