@@ -113,6 +113,22 @@ TEST(DriveForceLimiter, LearnsAStifferCatheterAtItsFirstContact) {
   EXPECT_LE(drive.max_n, kLimit_n + 1500 * 12e-6);
 }
 
+// What a soft hold shows bounds nothing of the next one: an elastic catheter that takes up slack before a fork has a
+// hundredth of the stiffness that it has against the end of a vessel.
+TEST(DriveForceLimiter, KeepsTheLimitAgainstAWallAfterASoftHold) {
+  SpringDrive drive{5, 10e-3, 0.15, 1};
+  DriveForceLimiter limiter(kLimit_n, 1e-6 * kLatency_us);
+  pushOn(drive, limiter, 12e-3, 66'667);
+  ASSERT_GT(drive.max_n, 0.4) << "pressed for long, and softly";
+  drive.stiffness_n_per_m = DriveForceLimiter::assumed_n_per_m;
+  for (double wall_m = 20e-3; wall_m < 21e-3; wall_m += 0.13e-3) {
+    drive.wall_m = drive.insertion_m + wall_m;
+    drive.max_n = 0;
+    pushOn(drive, limiter, 12e-3, 66'667);
+    EXPECT_LE(drive.max_n, kLimit_n + DriveForceLimiter::assumed_n_per_m * 12e-6) << wall_m;
+  }
+}
+
 TEST(DriveForceLimiter, LeavesAloneWhatIsFarFromTheLimitAndWhatDoesNotPush) {
   DriveForceLimiter limiter(kLimit_n, 1e-6 * kLatency_us);
   CatheterState drive;
