@@ -12,7 +12,7 @@
 #include "angio/io/vessel_files.hpp"
 #include "angio/results/columns.hpp"
 #include "angio/results/experiment.hpp"
-#include "angio/vessel/tree_topology.hpp"
+#include "angio/vessel/tree_distance.hpp"
 
 namespace angio::apps {
 
@@ -85,18 +85,7 @@ CatheterRoute online(const std::string& name, const std::vector<SequenceFrame>& 
   return way;
 }
 
-// How far apart two places are along the vessels [m].
-double alongVessels_m(const TreeTopology& map, const TipPlace& a, const TipPlace& b) {
-  const auto to_a = map.pathTo(a.branch), to_b = map.pathTo(b.branch);
-  std::size_t shared = 0;
-  while (shared < to_a.size() && shared < to_b.size() && to_a[shared] == to_b[shared]) ++shared;
-  if (shared == 0) return (a.tip_model - b.tip_model).norm();  // Different roots.
-  const int last = to_a[shared - 1];
-  const double end_m = map.start_m(last) + map.length_m(last);
-  const double at_a_m = map.start_m(a.branch) + a.arc_m, at_b_m = map.start_m(b.branch) + b.arc_m;
-  const double fork_m = std::min({end_m, at_a_m, at_b_m});
-  return at_a_m + at_b_m - 2 * fork_m;
-}
+TreeLocation placeOf(const TipBelief& belief) { return {belief.tip.branch, belief.tip.arc_m}; }
 
 // The way as other programs read it: {"summary": ..., "cases": {name: chain, arc length, how sure, residual, ...}}.
 Json catheterAsJson(const CatheterRoute& way, const CaseSet& set) {
@@ -122,7 +111,7 @@ Json catheterAsJson(const CatheterRoute& way, const CaseSet& set) {
     if (b.residual_px) residuals_px.push_back(*b.residual_px);
     if (b.residual_px && !way.learnt[t]) left_out_px.push_back(*b.residual_px);
     if (time_s > 0) times_ms.push_back(1e3 * time_s);
-    if (t > 0) steps_mm.push_back(1e3 * alongVessels_m(map, way.frames[t - 1].belief.tip, b.tip));
+    if (t > 0) steps_mm.push_back(1e3 * alongVessels_m(map, placeOf(way.frames[t - 1].belief), placeOf(b)));
     if (t == 0 || b.tip.branch != way.frames[t - 1].belief.tip.branch) {
       chains += (t > 0 ? " " : "") + std::to_string(b.tip.branch);
     }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "angio/geometry/se3.hpp"
@@ -140,6 +141,36 @@ TEST_F(NavigatorTest, CrossesAForkAtOnceWhereTheImageShowsTheTipOnTheWantedSide)
       EXPECT_NE(answer.state, NavigationState::kCrossing);
       EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
     }
+  }
+}
+
+// From one branch to another a tip gets by way of their fork. A loose one that seems to have changed without being
+// pulled back lay over the other branch in one of both frames: another view tells, before it is pulled back as one that
+// took the wrong branch.
+TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHasNoWayTo) {
+  const std::vector<int> route = map.pathTo(target);
+  const std::vector<int>& parted = map.children(route[0]);
+  const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
+  const TipBelief there = *inputAt(map, {route[1], 12e-3}).belief, leapt = *inputAt(map, {other, 12e-3}).belief;
+  ASSERT_GT(std::min(map.length_m(route[1]), map.length_m(other)), 12e-3);
+  constexpr int kSteady = 3;                // Fewer frames may be bad ones.
+  for (const bool again : {false, true}) {  // In the other view.
+    Navigator steering(tree, {target, 3e-3}, {});
+    NavigationInput input = inputAt(map, {route[1], 12e-3});
+    showLooseTip(steering, input);
+    input.belief = leapt;
+    NavigationAnswer answer;
+    for (int i = 0; i < kSteady; ++i) {
+      EXPECT_FALSE(answer.another_view) << i;
+      answer = steering.step(input);
+      EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0) << i;
+    }
+    EXPECT_TRUE(answer.another_view);
+    EXPECT_EQ(steering.misses(), 0);
+    if (!again) input.belief = there;
+    for (int i = 0; i < 3 * kSteady; ++i) answer = steering.step(input);
+    EXPECT_EQ(steering.misses(), again ? 1 : 0);
+    EXPECT_EQ(answer.state == NavigationState::kBackingOff, again);
   }
 }
 

@@ -4,16 +4,50 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/test/phantoms.hpp"
+#include "angio/vessel/tree_distance.hpp"
 
 namespace angio::test {
 namespace {
 
 constexpr double kRounding = 1e-12;
+
+// The edges that lead to one of both alone, point by point.
+TEST(TreeTopology, DistancesAreThoseOfTheEdgesBetween) {
+  const VesselTree tree = test::branchingTree(2);
+  const TreeTopology map(tree);
+  for (int a = 0; a < map.branchCount(); ++a) {
+    for (int b = 0; b < map.branchCount(); ++b) {
+      const TreeLocation end_a{a, map.length_m(a)}, end_b{b, map.length_m(b)};
+      const std::vector<int> to_a = map.pointsTo(end_a), to_b = map.pointsTo(end_b);
+      const auto edges_m = [&](const std::vector<int>& route, std::size_t from) {
+        double sum_m = 0;
+        for (std::size_t k = from; k < route.size(); ++k) {
+          sum_m += (tree.points().col(route[k]) - tree.points().col(route[k - 1])).norm();
+        }
+        return sum_m;
+      };
+      std::size_t shared = 0;
+      while (shared < std::min(to_a.size(), to_b.size()) && to_a[shared] == to_b[shared]) ++shared;
+      ASSERT_GT(shared, 0U);
+      EXPECT_NEAR(alongVessels_m(map, end_a, end_b), edges_m(to_a, shared) + edges_m(to_b, shared), kRounding);
+      EXPECT_NEAR(*sharedRoute_m(map, end_a, end_b),
+                  edges_m({to_a.begin(), to_a.begin() + static_cast<std::ptrdiff_t>(shared)}, 1), kRounding);
+    }
+  }
+  // Within a branch, and from a root of its own.
+  EXPECT_NEAR(alongVessels_m(map, {0, 1e-3}, {0, 4e-3}), 3e-3, kRounding);
+  Eigen::Matrix3Xd apart(3, 4);
+  apart << 0, 0, 0.3, 0.3, 0, 0, 0.4, 0.4, 0, 0.01, 0, 0.01;
+  const TreeTopology two(VesselTree(apart, {-1, 0, -1, 2}, {1e-3, 1e-3, 1e-3, 1e-3}));
+  EXPECT_FALSE(sharedRoute_m(two, {0, 0}, {1, 0}));
+  EXPECT_NEAR(alongVessels_m(two, {0, 0}, {1, 0}), 0.5, kRounding);
+}
 
 TEST(TreeTopology, PathsLengthsAndPlacesAreTheTrees) {
   const VesselTree tree = test::branchingTree(1);

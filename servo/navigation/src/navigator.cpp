@@ -8,6 +8,7 @@
 #include "angio/base/errors.hpp"
 #include "angio/geometry/se3.hpp"
 #include "angio/navigation/drive_force_limiter.hpp"
+#include "angio/vessel/tree_distance.hpp"
 #include "route_view.hpp"
 
 namespace angio::navigation {
@@ -23,6 +24,7 @@ constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner 
 constexpr double kMaxLooseSlack_m = 30e-3;  // The same of a loose one, by what it took to move its tip again.
 constexpr double kMuchSlack_m = 6e-3;
 constexpr double kJump_m = 6e-3;      // Between two frames: more than any command does.
+constexpr double kLeap_m = 5e-3;      // A tip that is seen in another branch would have gone back by so much, and on.
 constexpr double kSurelyLoose = 0.6;  // Looseness from which a catheter is taken for a loose one.
 constexpr double kAimIn = 0.3;        // Of a branch's length: a loose tip is aimed no earlier before its end.
 constexpr double kMoreSlope = 0.1, kMostSlope = 0.6;  // A fork that was missed at a slope takes so much more, at most.
@@ -105,11 +107,17 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   }
   const TipPlace& tip = input.belief->tip;
   const double path_m = map_.start_m(tip.branch) + tip.arc_m;
-  if (last_path_m_ && std::abs(path_m - *last_path_m_) > kJump_m && ++jumped_ < kSteadyFrames) {
+  const bool leap = leapt({tip.branch, tip.arc_m});
+  if ((leap || (last_path_m_ && std::abs(path_m - *last_path_m_) > kJump_m)) && ++jumped_ < kSteadyFrames) {
     roll_.move(input.drive.roll_rad, 0);
     return holdUnsure(input, "the tip seems to have jumped");
   }
   jumped_ = 0;
+  if (leap && !asked_of_leap_) {  // One of both was wrong, and lies over the other one in this view.
+    asked_of_leap_ = true;
+    return {{}, NavigationState::kWaiting, "the tip seems to be in a branch that it has no way to", true};
+  }
+  asked_of_leap_ = false;
   observe(input, path_m);
 
   const auto view = viewRoute(map_, target_.branch, *input.belief, kNear_m);
@@ -144,6 +152,15 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   }
 }
 
+// Whether a loose tip that was not pulled back seems to have changed branches far beyond the fork between them. A firm
+// one moves by what its drive does, which the belief knows.
+bool Navigator::leapt(const TreeLocation& place) const {
+  if (!isLoose() || !last_place_) return false;
+  const double from_m = map_.start_m(last_place_->branch) + last_place_->arc_m;
+  const double to_m = map_.start_m(place.branch) + place.arc_m;
+  return std::min(from_m, to_m) - sharedRoute_m(map_, *last_place_, place).value_or(0) > kLeap_m;
+}
+
 // What the frame says of how the tip stands and points.
 void Navigator::observe(const NavigationInput& input, double path_m) {
   const double slid_m = last_path_m_ ? path_m - *last_path_m_ : 0.0;
@@ -156,6 +173,7 @@ void Navigator::observe(const NavigationInput& input, double path_m) {
   // A catheter stays what it is; in narrow vessels it lies near the axis all the same.
   loose_ = loose_ || looseness() > kSurelyLoose;
   last_path_m_ = path_m;
+  last_place_ = TreeLocation{input.belief->tip.branch, input.belief->tip.arc_m};
   seen_roll_rad_ = input.drive.roll_rad;
   observable_axis_.reset();
   if (!input.deflection) return;

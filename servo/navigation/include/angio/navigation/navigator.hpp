@@ -160,6 +160,7 @@ class Navigator {
                       double bend_rad) const;
   std::optional<std::string> resistance(const NavigationInput& input, double path_m);
   bool sureOf(const RouteView& view) const;
+  bool leapt(const TreeLocation& place) const;
   void observe(const NavigationInput& input, double path_m);
   TipOffset bentOffset() const;
   ForkSide sideOfForks() const;
@@ -184,11 +185,13 @@ class Navigator {
   std::int64_t sequence_ = 0;
 
   std::optional<double> last_path_m_;               // Of the tip, when it was last located.
+  std::optional<TreeLocation> last_place_;          // The same.
   std::optional<std::pair<double, double>> since_;  // Drive and tip when both last moved together.
   std::optional<double> last_insertion_m_;
   double slack_m_ = 0;  // That it was pulled back and has not been seen to take up again.
   double doubtful_s_ = 0, retreated_m_ = 0;
   bool asked_ = false, asked_ahead_ = false;  // For another view, while uncertain; behind this fork.
+  bool asked_of_leap_ = false;                // The same, where the tip seems to be in a branch that it cannot be in.
   int jumped_ = 0, beside_frames_ = 0, there_frames_ = 0;
   std::map<int, int> tries_;  // At each fork, by the branch that ends there.
   int misses_ = 0;
