@@ -152,10 +152,11 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
   }
 }
 
-// Whether a loose tip that was not pulled back seems to have changed branches far beyond the fork between them. A firm
-// one moves by what its drive does, which the belief knows.
+// Whether a loose tip that is pushed seems to have changed branches far beyond the fork between them. A firm one moves
+// by what its drive does, which the belief knows; one that is turned in its place is not taken for beside the route.
 bool Navigator::leapt(const TreeLocation& place) const {
-  if (!isLoose() || !last_place_) return false;
+  const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
+  if (!isLoose() || !pushing || !last_place_) return false;
   const double from_m = map_.start_m(last_place_->branch) + last_place_->arc_m;
   const double to_m = map_.start_m(place.branch) + place.arc_m;
   return std::min(from_m, to_m) - sharedRoute_m(map_, *last_place_, place).value_or(0) > kLeap_m;
