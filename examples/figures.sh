@@ -139,6 +139,10 @@ worlds() {
       "${simulate[@]}" --trials "${CERTIFIED:-10}" --spurious 5 --method oriented_kernel --rotation-std-deg 15 \
         --translation-std-mm 20 --settings "$work/box.yaml" --visible-fraction "$one" --certify
     done
+    echo; echo "the liver from X-ray images, 0.6 of it in view: searched as a box"
+    "$bin"/angio-evaluate simulation --tree examples/data/hepatic-tace/tree.csv --seed "${SEED:-11}" --trials 40 \
+      --method oriented_kernel --from images --visible-fraction 0.6 --rotation-std-deg 15 --translation-std-mm 20 \
+      --settings "$work/box.yaml"
     for one in 1 3 5; do
       echo; echo "bent by $one mm rms, measured motion of lungs, rigid fit, 2 deg / 5 mm"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one"
