@@ -9,24 +9,11 @@
 #include "angio/test/phantoms.hpp"
 #include "angio/vessel/projection.hpp"
 #include "fit_classification.hpp"
+#include "kernel_scene.hpp"
 #include "mean_distance.hpp"
 
 namespace angio::test {
 namespace {
-
-struct KernelScene {
-  VesselTree tree;
-  XrayCamera camera = test::clinicalCamera();
-  Pose truth;
-  Centerline2d image;
-
-  explicit KernelScene(unsigned seed, XrayCamera seen_by = test::clinicalCamera())
-      : tree(test::branchingTree(seed)), camera(std::move(seen_by)) {
-    test::Random random(seed + 200);
-    truth = test::viewOf(tree, random);
-    image = projectedCenterline(tree, camera, truth);
-  }
-};
 
 Centerline2d withNoise(const Centerline2d& image, double noise_px, test::Random& random) {
   Eigen::Matrix2Xd points = image.points_px;

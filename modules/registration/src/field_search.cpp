@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "explained_shares.hpp"
 #include "oriented_frame.hpp"
 
 namespace angio::registration {
@@ -104,6 +105,10 @@ int FieldSearch::halve(OrientedFrame& frame, const PosePriorTerm& belief, const 
     const auto& points = model_.subsets[rung.subset];
     for (auto& candidate : candidates) {
       steps += ascend(frame, belief, points, rung.scale, rung.steps, hypothesis, candidate);
+    }
+    if (hypothesis.by_shares && rung.scale > 0 && frame.viewCount() == 1) {
+      ExplainedShares shares(model_, frame, kFieldScales_px[static_cast<std::size_t>(rung.scale)]);
+      for (auto& candidate : candidates) candidate.score = shares.of(candidate.T_camera_centered);
     }
     keepBest(candidates, std::max(keep, all / rung.share));
   }

@@ -29,9 +29,13 @@ inline bool better(const PoseCandidate& a, const PoseCandidate& b) { return a.sc
 /// length scores in proportion. Else the best pose of a tree that is not wholly in view is one that has only a few
 /// vessels in view, where the image is dense. Too high a share, and more of the model is drawn into view than belongs
 /// there: strays lengthen what the image has, what the extractor missed shortens it. 0 asks nothing of the image.
+///
+/// `by_shares` compares the candidates of one view at the finer scales by what image and model explain of each other
+/// (ExplainedShares) in place of the fields.
 struct FieldHypothesis {
   double outlier_mass = 5;
   double image_share = 0;
+  bool by_shares = false;
 };
 
 /// Ascends the kernel fields from model to image, one candidate or many.

@@ -75,22 +75,23 @@ constexpr double kSomeEmpty = 5, kMaxEmpty = 50;
 struct Attempt {
   double widened;
   FieldHypothesis frame;
-  int times = 1;  // As many draws and candidates.
+  int draws = 1500;              // Of rotation and depth, where all shifts are tried,
+  std::size_t candidates = 512;  // and of what comes of them.
 };
 
 // The passes of a search; the first that settles the question is the last. Far from the belief, and in a box, poses
-// differ in how much of the tree they have in view.
+// differ in how much of the tree they have in view, and a tree that is mostly empty is found among many candidates.
 std::vector<Attempt> attemptsOf(const StartSettings& starts, const PosePrior& prior) {
   if (starts.box()) {
     return {{1, {kSomeEmpty, 0.9}},
-            {1, {kMaxEmpty, 0.9}},
+            {1, {kMaxEmpty, 0.9, true}, 1500, 16384},
             {1, {kSomeEmpty, 1.1}},
             {1, {kSomeEmpty, 0.7}},
-            {1, {kSomeEmpty, 0.9}, 8}};
+            {1, {kSomeEmpty, 0.9}, 12000, 4096}};
   }
   if (prior.covariance) return {{1, {kSomeEmpty}}, {1, {kMaxEmpty}}};
   return {{1, {kSomeEmpty}},  {1, {kMaxEmpty}},       {1.8, {kSomeEmpty}},
-          {1.8, {kMaxEmpty}}, {3, {kSomeEmpty, 0.9}}, {3, {kMaxEmpty, 0.9}}};
+          {1.8, {kMaxEmpty}}, {3, {kSomeEmpty, 0.9}}, {3, {kMaxEmpty, 0.9, true}, 1500, 8192}};
 }
 
 constexpr double kWidest = 3;
@@ -274,8 +275,8 @@ class OrientedKernel final : public Registration {
     std::vector<PoseCandidate> candidates;
     if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
       // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
-      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, 1500 * attempt.times),
-                                      shiftReach_m(belief, starts, 2.5), attempt.frame, 512 * attempt.times, progress);
+      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, attempt.draws),
+                                      shiftReach_m(belief, starts, 2.5), attempt.frame, attempt.candidates, progress);
     } else {
       const int count = starts.count > 0 ? starts.count : settings_.starts;
       const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
