@@ -132,6 +132,11 @@ worlds() {
     "$bin"/angio-evaluate simulation $(for one in $trees; do echo --tree "$shared/brava/$one.swc"; done) --seed 11 \
       --trials "$((trials / 2))" --spurious 5 --method oriented_kernel --from images --filled 0.5
     printf 'starts: {box_rotation_deg: 45, box_translation_mm: 60}\n' > "$work/box.yaml"
+    echo; echo "half filled, 15 deg / 30 mm"
+    "${simulate[@]}" --trials "$((trials / 5))" --spurious 5 --method oriented_kernel --filled 0.5 --rotation-std-deg 15 --translation-std-mm 30
+    echo; echo "half filled, +-45 deg / +-60 mm: searched as a box"
+    "${simulate[@]}" --trials "$((trials / 8))" --spurious 5 --method oriented_kernel --filled 0.5 --rotation-std-deg 15 \
+      --translation-std-mm 20 --settings "$work/box.yaml"
     for one in 1 0.6; do
       echo; echo "+-45 deg / +-60 mm, $one of the tree in view: searched as a box"
       "${ours[@]}" --rotation-std-deg 15 --translation-std-mm 20 --settings "$work/box.yaml" --visible-fraction "$one"
