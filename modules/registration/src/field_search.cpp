@@ -46,6 +46,7 @@ KernelField::Region around(const OrientedPoints& points, double margin_px) {
 
 double FieldSearch::enoughInView(OrientedFrame& frame, const FieldHypothesis& hypothesis,
                                  const Pose& T_camera_centered) const {
+  if (!(hypothesis.image_share > 0)) return kMinInView;
   const XrayView& view = frame.views().front();
   const double depth_m = std::max(0.05, (view.T_view_first * T_camera_centered).translation().z());
   const double model_px =

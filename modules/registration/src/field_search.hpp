@@ -33,7 +33,7 @@ inline bool better(const PoseCandidate& a, const PoseCandidate& b) { return a.sc
 /// `by_shares` compares the candidates of one view at the finer scales by what image and model explain of each other
 /// (ExplainedShares) in place of the fields.
 struct FieldHypothesis {
-  double outlier_mass = 5;
+  double outlier_mass;
   double image_share = 0;
   bool by_shares = false;
 };
