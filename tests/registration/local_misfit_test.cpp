@@ -53,7 +53,7 @@ TEST(LocalMisfit, IsTheDistanceToTheImageAcrossTheBeam) {
   const XrayViews views{XrayView{image, kCamera}};
   Eigen::Matrix3Xd displaced = model.points;
   for (Eigen::Index i = 0; i < displaced.cols(); ++i) displaced(1, i) += displaced(0, i) > 0 ? 8 * pixel_m() : 0;
-  const LocalMisfit misfit(views, model, displaced, facingTheVessel());
+  const LocalMisfit misfit(views, model, displaced, facingTheVessel(), true);
   const Eigen::Matrix3d off = misfit.covarianceAt({20e-3, 0, 0}), fits = misfit.covarianceAt({-20e-3, 0, 0});
   const double expected_m2 = (8 * 8 - 2 * 2) * pixel_m() * pixel_m();
   // A mean over vessel whose beam turns by some hundredths of a radian.
@@ -69,10 +69,12 @@ TEST(LocalMisfit, ACrossingVesselIsNoImage) {
   const OrientedModel model(tree, OrientedKernelSettings());
   const Centerline2d image = imageOf(across.points(), kCamera, facingTheVessel());
   const XrayViews views{XrayView{image, kCamera}};
-  const LocalMisfit misfit(views, model, model.points, facingTheVessel());
+  const LocalMisfit misfit(views, model, model.points, facingTheVessel(), true);
   // The furthest that is looked for.
   const double expected_m2 = (15 * 15 - 2 * 2) * pixel_m() * pixel_m();
   EXPECT_NEAR(misfit.covarianceAt(Eigen::Vector3d::Zero())(1, 1), expected_m2, 0.03 * expected_m2);
+  const LocalMisfit seen_alone(views, model, model.points, facingTheVessel(), false);
+  EXPECT_EQ(seen_alone.covarianceAt(Eigen::Vector3d::Zero()).norm(), 0);
 }
 
 // What the collimator hides has no image, and nothing is said of it.
@@ -82,7 +84,7 @@ TEST(LocalMisfit, TheCollimatorHidesNothingThatIsOff) {
   const Centerline2d image = imageOf(across.points(), kCamera, facingTheVessel());
   XrayView view{image, kCamera};
   view.collimator_px = {{0, 0}, {512, 0}, {512, 1023}, {0, 1023}};
-  const LocalMisfit misfit({view}, model, model.points, facingTheVessel());
+  const LocalMisfit misfit({view}, model, model.points, facingTheVessel(), true);
   EXPECT_GT(misfit.covarianceAt({-20e-3, 0, 0})(1, 1), 0);
   EXPECT_EQ(misfit.covarianceAt({20e-3, 0, 0}).norm(), 0);
 }
@@ -98,7 +100,7 @@ TEST(LocalMisfit, EveryViewSaysWhatIsOffAcrossItsOwnBeam) {
   const Centerline2d in_second = imageOf(tree.points(), kCamera, T_second_first * facingTheVessel());
   const XrayView first{in_first, kCamera}, second{in_second, kCamera, T_second_first};
   const auto along_m2 = [&](const XrayViews& views) {
-    return LocalMisfit(views, model, displaced, facingTheVessel()).covarianceAt(Eigen::Vector3d::Zero())(2, 2);
+    return LocalMisfit(views, model, displaced, facingTheVessel(), true).covarianceAt(Eigen::Vector3d::Zero())(2, 2);
   };
   const double expected_m2 = (8 * 8 - 2 * 2) * pixel_m() * pixel_m();
   EXPECT_LT(along_m2({first}), 0.01 * expected_m2);

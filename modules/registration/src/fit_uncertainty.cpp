@@ -15,7 +15,10 @@ constexpr int kSpreadPoints = 32;
 // Factor on the claims in several views: of brains deformed by 5 mm (tuned half, 400 trials) the factor that leaves
 // less than a twentieth of the points beyond three standard deviations is 0.85 at most at scores from 0.58 on, 1.25 at
 // 0.54 to 0.58, and 2.2 below 0.5.
-constexpr double kLeastClaims = 0.9, kWellExplained = 0.6, kClaimsByScore = 9;
+struct ClaimsByScore {
+  double least, well_explained, per_score, misfit_share;
+};
+constexpr ClaimsByScore kClaimsOfViews{0.9, 0.6, 9, 1}, kClaimsOfOneView{0.9, 0.5, 4, 0.5};
 
 // Of one place, model axes.
 class PlaceError {
@@ -25,7 +28,7 @@ class PlaceError {
 
   Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& at) const {
     Eigen::Matrix3d covariance = factor2() * error_->pointCovariance(at);
-    if (claims_.misfit) covariance += claims_.misfit->covarianceAt(at);
+    if (claims_.misfit) covariance += claims_.misfit_share * claims_.misfit->covarianceAt(at);
     return covariance;
   }
   Eigen::Matrix3d noiseAt(const Eigen::Vector3d& at) const { return factor2() * error_->pointNoise(at); }
@@ -71,8 +74,10 @@ class FitUncertainty final : public PointUncertainty {
 
 }  // namespace
 
-double claimsOfViews(const AlignmentScore& alignment) {
-  return kLeastClaims + kClaimsByScore * std::max(0.0, kWellExplained - alignment.score());
+Claims claimsOfDeformed(const AlignmentScore& alignment, std::size_t views, std::shared_ptr<const LocalMisfit> misfit) {
+  const ClaimsByScore& by = views > 1 ? kClaimsOfViews : kClaimsOfOneView;
+  return {by.least + by.per_score * std::max(0.0, by.well_explained - alignment.score()), std::move(misfit),
+          by.misfit_share};
 }
 
 void setUncertainty(const std::shared_ptr<const TreeError>& error, const Eigen::Matrix3Xd& points_centered,

@@ -11,13 +11,15 @@ namespace angio::registration {
 
 /// What is claimed beyond an error's own word.
 struct Claims {
-  double factor = 1;                          ///< On its standard deviations.
-  std::shared_ptr<const LocalMisfit> misfit;  ///< What single points are off by besides; null: nothing is known of that.
+  double factor = 1;  ///< On its standard deviations.
+  std::shared_ptr<const LocalMisfit>
+      misfit;               ///< What single points are off by besides; null: nothing is known of that.
+  double misfit_share = 1;  ///< Of its variance, that counts.
 };
 
-/// Returns the factor for a deformed tree in several views, by its alignment score. They leave little open, and less
-/// than any process gets right where much is not explained: vessels were matched with their neighbours there.
-double claimsOfViews(const AlignmentScore& alignment);
+/// Returns the claims of a deformed tree by its alignment score. A process gets less right where much is not explained:
+/// vessels were matched with their neighbours there.
+Claims claimsOfDeformed(const AlignmentScore& alignment, std::size_t views, std::shared_ptr<const LocalMisfit> misfit);
 
 /// Sets what is uncertain of a result whose pose is set: covariances, deformation, spread, and single points as they
 /// were when the fit came to rest.

@@ -58,7 +58,7 @@ class DirectedImage {
 }  // namespace
 
 LocalMisfit::LocalMisfit(const XrayViews& views, const OrientedModel& model, const Eigen::Matrix3Xd& displaced,
-                         const Pose& T_camera_centered)
+                         const Pose& T_camera_centered, bool unseen_counts)
     : points_(model.points), covariance_m2_(static_cast<std::size_t>(model.size()), Eigen::Matrix3d::Zero()) {
   const Eigen::Matrix3Xd along = directionsOf(model, displaced);
   for (const XrayView& view : views) {
@@ -72,7 +72,9 @@ LocalMisfit::LocalMisfit(const XrayViews& views, const OrientedModel& model, con
       const Eigen::Vector3d t = T.linear() * along.col(i);
       Eigen::Vector2d direction = t.head<2>() - there.head<2>() * (t.z() / there.z());
       if (direction.squaredNorm() < kEndOn2 * t.squaredNorm()) direction.setZero();
-      const double off2_px2 = image.nearestAlong2_px2(*pixel, direction) - kSeen_px * kSeen_px;
+      const double nearest2_px2 = image.nearestAlong2_px2(*pixel, direction);
+      if (nearest2_px2 >= kMost_px * kMost_px && !unseen_counts) continue;
+      const double off2_px2 = nearest2_px2 - kSeen_px * kSeen_px;
       if (off2_px2 <= 0) continue;
       const double pixel_m = there.z() / view.camera.parameters().fx_px;
       const Eigen::Vector3d beam = T.linear().transpose() * there.normalized();

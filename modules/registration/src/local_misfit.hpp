@@ -14,15 +14,17 @@ namespace angio::registration {
 /// A posterior is of the matches that were made. Where a vessel was matched with its neighbour, or with nothing, the
 /// tree is off by more than the posterior says, and no image point stands where the vessel is said to be. The distance
 /// to the nearest image point that runs along the vessel counts as a standard deviation across the beam of that view,
-/// beside the posterior's. Only places that a view sees count, inside its collimator. A vessel without contrast agent
-/// has no image either: what is claimed of it is wider, too.
+/// beside the posterior's. Only places that a view sees count, inside its collimator. A vessel without contrast agent,
+/// or one that the extractor missed, has no image within 15 px: that may count as 15 px, or as nothing, so that what is
+/// known of it is what the posterior has from the vessels around.
 class LocalMisfit {
  public:
   /// @param model              The tree, about its centroid.
   /// @param displaced          The model's points as they have been fitted, 3 x N [m].
   /// @param T_camera_centered  Pose of the fit.
+  /// @param unseen_counts      Whether a vessel without any image near counts.
   LocalMisfit(const XrayViews& views, const OrientedModel& model, const Eigen::Matrix3Xd& displaced,
-              const Pose& T_camera_centered);
+              const Pose& T_camera_centered, bool unseen_counts);
 
   /// Returns what is to be added to the covariance of the error of a place of the tree before it is displaced, model
   /// axes [m^2]: a mean over some millimetres of vessel; zero far from the tree.

@@ -377,14 +377,12 @@ class OrientedKernel final : public Registration {
       result.T_camera_model = deformed_pose;
       result.displacements_m = model_.resampled.ofOriginal(fit.displacements_m);
       if (fit.posterior) {
-        // In one view the tails are wide enough, and a loop would hold for a vessel that a frame does not show.
-        Claims claims;
-        if (frame_.viewCount() > 1) {
-          claims.factor = claimsOfViews(deformed);
-          claims.misfit = std::make_shared<LocalMisfit>(frame_.views(), model_, model_.points + fit.displacements_m,
-                                                        fit.T_camera_centered);
-          result.low_score_suffices = isNearStart(usual_belief_, fit.T_camera_centered);
-        }
+        // One view's posterior is wide enough where nothing was matched: a loop would hold for a vessel that a frame
+        // does not show.
+        auto misfit = std::make_shared<LocalMisfit>(frame_.views(), model_, model_.points + fit.displacements_m,
+                                                    fit.T_camera_centered, frame_.viewCount() > 1);
+        const Claims claims = claimsOfDeformed(deformed, frame_.viewCount(), std::move(misfit));
+        result.low_score_suffices = isNearStart(usual_belief_, fit.T_camera_centered);
         setUncertainty(fit.posterior, model_.points, centered(result.T_camera_model), model_.centroid, result, claims);
         keepEvidence(fit.groups, fit.T_groups_camera_centered, model_.points + fit.displacements_m, result);
       } else {
