@@ -42,7 +42,7 @@ CaseOutcome drawnOutcome(int seed) {
   o.claim = CaseOutcome::Claim{number(), number(), number()};
   o.usable_for = {"centre", "view"};
   o.point_covariances_m2 = {Eigen::Matrix3d::Random(), Eigen::Matrix3d::Random()};
-  o.certificate = PoseCertificate{true, number(), number(), {}, number(), 123456789012, "open"};
+  o.certificate = PoseCertificate{true, number(), number(), {}, number(), 123456789012, "open", 3};
   o.certificate->alternative = PoseCertificate::Alternative{expSE3(random.twist(1, 1)), number(), number()};
   o.certificate_false = true;
   o.projection_residual_px = number();

@@ -102,7 +102,7 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
     const TreeSamples samples(s.tree);
     const ExplainedRaster raster(s.image, s.camera);
     const Pose center = s.truth * Eigen::Translation3d(s.tree.centroid());
-    PoseBounds bounds(samples, raster, s.view(), center.linear());
+    PoseBounds bounds(samples, raster, s.view(), center.linear(), 1 + static_cast<int>(seed) / 2);
     test::Random random(seed + 1);
     for (int c = 0; c < 400; ++c) {
       // From cells of a tenth of a pixel to half of the box.
@@ -120,7 +120,7 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
       const RayCell rays{away * random.uniform(-0.06, 0.06), away * random.uniform(-0.06, 0.06), spread};
       bounds.prepare(cell, rays, half_ray);
       const double x = rays.x + random.uniform(-spread, spread), y = rays.y + random.uniform(-spread, spread);
-      const int none = -bounds.maxPoints();  // All count, also those that lose more than they have.
+      const int none = -3 * bounds.maxPoints();  // All count, also those that lose more than they have.
       const int bound = bounds.pointsBound(x, y, none);
       for (int i = 0; i < 12; ++i, ++draws) {
         const Pose T = drawnWithin(cell, {x, y}, half_ray, center, i < 4, random);
@@ -225,7 +225,8 @@ TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
     EXPECT_FALSE(certificate.alternative);
     EXPECT_LT(certificate.bound, 0.9);
     EXPECT_GT(certificate.score, 0.8);
-    EXPECT_DOUBLE_EQ(certificate.score, certifiedScore(s.tree, s.view(), s.truth));
+    EXPECT_EQ(certificate.unexplained_cost, 3);  // Nearly all of it is explained.
+    EXPECT_DOUBLE_EQ(certificate.score, certifiedScore(s.tree, s.view(), s.truth, certificate.unexplained_cost));
     EXPECT_GT(certificate.cells, 1000);
     // What it says of all poses holds for those that one can draw.
     for (int i = 0; i < 40; ++i) {
@@ -234,7 +235,8 @@ TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
       box.box_translation_mm = 30;
       const Pose other = drawnStart({middle, {}}, s.tree.centroid(), box, i);
       if (poseDistance_m(s.tree, s.truth, other) > 5e-3) {
-        EXPECT_LE(certifiedScore(s.tree, s.view(), other), certificate.bound * certificate.score);
+        EXPECT_LE(certifiedScore(s.tree, s.view(), other, certificate.unexplained_cost),
+                  certificate.bound * certificate.score);
       }
     }
   }
@@ -277,7 +279,9 @@ TEST(Certificate, ASymmetricTreeHasAnAlternativeThatIsReturned) {
   ASSERT_TRUE(certificate.alternative) << certificate.reason;
   EXPECT_GE(certificate.alternative->share, 0.9);
   EXPECT_NEAR(certificate.alternative->share,
-              certifiedScore(s.tree, s.view(), certificate.alternative->T_camera_model) / certificate.score, 1e-12);
+              certifiedScore(s.tree, s.view(), certificate.alternative->T_camera_model, certificate.unexplained_cost) /
+                  certificate.score,
+              1e-12);
   EXPECT_NEAR(certificate.alternative->distance_m,
               poseDistance_m(s.tree, s.truth, certificate.alternative->T_camera_model), 1e-9);
   EXPECT_GT(certificate.alternative->distance_m, 5e-3);

@@ -44,6 +44,7 @@ void bindCertificate(py::module_& m) {
       .def_readonly("proven", &PoseCertificate::proven, doc("PoseCertificate.proven"))
       .def_readonly("score", &PoseCertificate::score, doc("PoseCertificate.score"))
       .def_readonly("bound", &PoseCertificate::bound, doc("PoseCertificate.bound"))
+      .def_readonly("unexplained_cost", &PoseCertificate::unexplained_cost, doc("PoseCertificate.unexplained_cost"))
       .def_readonly("reason", &PoseCertificate::reason, doc("PoseCertificate.reason"))
       .def_readonly("seconds", &PoseCertificate::seconds, "How long it took.")
       .def_readonly("cells", &PoseCertificate::cells, doc("PoseCertificate.cells"))

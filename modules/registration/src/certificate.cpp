@@ -26,6 +26,7 @@ constexpr int kMaxDoubts = 1000;  // So many such cells, and it is over.
 // Steps from the depth-mirrored pose to the best one near it.
 constexpr double kMirrorTurn_rad = 0.05, kMirrorDepth_m = 0.01, kMirrorRay = 2e-3;
 constexpr double kProgressEvery_s = 0.1;
+constexpr int kMostCost = 3;  // Of a place that should be seen and is not explained.
 
 // A part of the box that is still open: rotations, depths, and cells of rays on a grid.
 struct Node {
@@ -50,9 +51,17 @@ class Search {
   PoseCertificate run(const CertificateProgress& progress) {
     PoseCertificate result;
     {
-      const PoseBounds bounds(samples_, raster_, view_, box_.center().linear());
-      found_ = std::max(0, bounds.points(box_.found()));
-      max_points_ = bounds.maxPoints();
+      const auto pointsOfFound = [this](int unexplained) {
+        const PoseBounds bounds(samples_, raster_, view_, box_.center().linear(), unexplained);
+        return std::max(0, bounds.points(box_.found()));
+      };
+      const int explained = pointsOfFound(0);
+      result.unexplained_cost = kMostCost;
+      while (result.unexplained_cost > 1 && 2 * pointsOfFound(result.unexplained_cost) < explained)
+        --result.unexplained_cost;
+      unexplained_cost_ = result.unexplained_cost;
+      found_ = pointsOfFound(unexplained_cost_);
+      max_points_ = PoseBounds::maxPoints();
     }
     result.score = static_cast<double>(found_) / max_points_;
     result.bound = found_ > 0 ? static_cast<double>(max_points_) / found_ : HUGE_VAL;
@@ -104,7 +113,8 @@ class Search {
 
  private:
   struct Worker {
-    explicit Worker(const Search& s) : bounds(s.samples_, s.raster_, s.view_, s.box_.center().linear()) {}
+    explicit Worker(const Search& s)
+        : bounds(s.samples_, s.raster_, s.view_, s.box_.center().linear(), s.unexplained_cost_) {}
     PoseBounds bounds;
     std::vector<Node> children;
     int children_bound = 0;
@@ -336,6 +346,7 @@ class Search {
   Stopwatch began_;
   int max_points_ = 0, found_ = 0,
       enough_ = 0;  // Points: the most, of the found pose, and those that make an alternative.
+  int unexplained_cost_ = 1;
   double ray_x_ = 0, ray_y_ = 0, root_half_ray_ = 0;
 
   std::mutex mutex_;
@@ -360,10 +371,10 @@ double poseDistance_m(const VesselTree& tree, const Pose& a, const Pose& b) {
   return CertificateBox(tree, samples, a, a, {}).distance_m(b * Eigen::Translation3d(tree.centroid()));
 }
 
-double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& T_camera_model) {
+double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& T_camera_model, int unexplained_cost) {
   const TreeSamples samples(tree);
   const ExplainedRaster raster(view.centerline, view.camera);
-  const PoseBounds bounds(samples, raster, view, Eigen::Matrix3d::Identity());
+  const PoseBounds bounds(samples, raster, view, Eigen::Matrix3d::Identity(), unexplained_cost);
   const int points = std::max(0, bounds.points(T_camera_model * Eigen::Translation3d(tree.centroid())));
   return static_cast<double>(points) / bounds.maxPoints();
 }

@@ -205,7 +205,7 @@ int countBound(const BoundedSamples& in, const std::uint32_t* words, float ray_x
         hn::And(hn::Ge(v, hn::LoadU(d, in.v_seen + first)), hn::Le(v, hn::LoadU(d, in.v_seen_to + first)));
     const auto seen = hn::And(missed, hn::And(in_u, in_v));
     lost += PoseBounds::kExplained * static_cast<int>(hn::CountTrue(d, missed)) +
-            PoseBounds::kUnexplained * static_cast<int>(hn::CountTrue(d, seen));
+            in.unexplained * static_cast<int>(hn::CountTrue(d, seen));
     if (first + lanes >= next_check) {
       next_check += 32;
       if (lost > may_lose) return -1;
@@ -287,8 +287,15 @@ ImageWindow openWindow(const XrayView& view) {
 }
 
 PoseBounds::PoseBounds(const TreeSamples& samples, const ExplainedRaster& raster, const XrayView& view,
-                       const Eigen::Matrix3d& R0)
-    : samples_(samples), raster_(raster), camera_(view.camera), window_(openWindow(view)), R0_(R0) {}
+                       const Eigen::Matrix3d& R0, int unexplained)
+    : samples_(samples),
+      raster_(raster),
+      camera_(view.camera),
+      window_(openWindow(view)),
+      R0_(R0),
+      unexplained_(unexplained) {
+  bounded_.unexplained = unexplained;
+}
 
 void PoseBounds::prepare(const PoseCell& cell, const RayCell& rays, double half_ray) {
   // A little more than asked for, so that rounding to single precision leaves nothing out.
@@ -335,7 +342,7 @@ int PoseBounds::points(const Pose& T, int enough) const {
     const double x = p.x() / p.z(), y = p.y() / p.z();
     const double u = c.fx_px * x + c.cx_px, v = c.fy_px * y + c.cy_px;
     if (raster_.explains(u, v, c.fx_px * (t.x() - x * t.z()), c.fy_px * (t.y() - y * t.z()))) continue;
-    lost += kExplained + (window_.contains(u, v) ? kUnexplained : 0);
+    lost += kExplained + (window_.contains(u, v) ? unexplained_ : 0);
   }
   return lost <= may_lose ? maxPoints() - lost : -1;
 }

@@ -53,20 +53,21 @@ struct BoundedSamples {
   float u_seen[kCount], v_seen[kCount], u_seen_to[kCount], v_seen_to[kCount];
   std::int32_t first[kCount], columns[kCount];  ///< Of its level.
   std::uint32_t directions[kCount];
-  double effects[5];  ///< Sums over the samples, see PoseBounds::effects_px.
+  std::int32_t unexplained;  ///< Points that a sample which is seen and not explained costs.
+  double effects[5];         ///< Sums over the samples, see PoseBounds::effects_px.
 };
 
 /// Bounds of the score in all poses of a cell, in points.
 ///
 /// A sample that the image explains has kExplained points, one that projects into the open window and is not explained
-/// costs kUnexplained, and one that is not seen has none.
+/// costs `unexplained` times as many, and one that is not seen has none.
 class PoseBounds {
  public:
-  static constexpr int kExplained = 1, kUnexplained = 1;
+  static constexpr int kExplained = 1;
 
   /// Borrows samples and raster. `R0` is the rotation in the middle of all cells.
-  PoseBounds(const TreeSamples& samples, const ExplainedRaster& raster, const XrayView& view,
-             const Eigen::Matrix3d& R0);
+  PoseBounds(const TreeSamples& samples, const ExplainedRaster& raster, const XrayView& view, const Eigen::Matrix3d& R0,
+             int unexplained = 1);
 
   /// For the bounds that follow: their rotations and depths, and rays of half width `half_ray` whose middles are in
   /// `rays`.
@@ -91,6 +92,7 @@ class PoseBounds {
   XrayCamera camera_;
   ImageWindow window_;
   Eigen::Matrix3d R0_;
+  int unexplained_;
   std::array<double, 5> effects_px_{};
   BoundedSamples bounded_{};
 };

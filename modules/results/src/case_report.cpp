@@ -131,7 +131,11 @@ Json caseAsJson(const CaseOutcome& outcome) {
 }
 
 Json certificateAsJson(const PoseCertificate& c, const CertificateSettings& settings) {
-  Json json = {{"proved", c.proven}, {"reason", c.reason}, {"best_score", c.score}, {"upper_bound", c.bound}};
+  Json json = {{"proved", c.proven},
+               {"reason", c.reason},
+               {"best_score", c.score},
+               {"upper_bound", c.bound},
+               {"unexplained_cost", c.unexplained_cost}};
   json["rival"] = nullptr;
   if (c.alternative) {
     json["rival"] = {{"rotation", numbersOf(c.alternative->T_camera_model.linear())},

@@ -36,8 +36,9 @@ struct PoseCertificate {
   std::optional<Alternative> alternative;
 
   double seconds = 0;
-  long cells = 0;      ///< Bounds that were computed.
-  std::string reason;  ///< Why it is not proven, in words; empty when it is.
+  long cells = 0;            ///< Bounds that were computed.
+  std::string reason;        ///< Why it is not proven, in words; empty when it is.
+  int unexplained_cost = 1;  ///< In the scores, see certifiedScore.
 };
 
 /// Returns how far two poses of a tree are apart as a certificate has it [m]: the root mean square distance of the
@@ -46,12 +47,18 @@ struct PoseCertificate {
 double poseDistance_m(const VesselTree& tree, const Pose& a, const Pose& b);
 
 /// Returns the score that a certificate is about, in [0, 1]: of 256 places evenly spaced along the tree, the share that
-/// the image explains less the share that should be seen and is not explained; 0 when that is negative.
+/// the image explains, less `unexplained_cost` times the share that should be seen and is not explained; 0 when that is
+/// negative.
 ///
 /// A place is explained when it projects within 4 px of a point of the image whose vessel runs within 10 deg of its
 /// own, on a raster of 2 px and 32 directions. It should be seen when it projects onto the detector and into the
 /// collimator's opening, of which a window with sides along the image counts.
-double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& T_camera_model);
+///
+/// A certificate takes the highest cost of 3, 2 and 1 that leaves the found pose half of the points of its explained
+/// places, and otherwise 1. The more a place costs, the further is a pose with much of the tree in view and a part of
+/// it explained by chance from a pose that explains what it shows.
+double certifiedScore(const VesselTree& tree, const XrayView& view, const Pose& T_camera_model,
+                      int unexplained_cost = 1);
 
 /// Called now and then by the calling thread: share of the box that is closed, and the bound so far.
 using CertificateProgress = std::function<void(double share_closed, double bound)>;

@@ -67,6 +67,7 @@ void visitRow(Fields& f, results::RecordOf<Fields, PoseCertificate::Alternative>
 template <typename Fields>
 void visitRow(Fields& f, results::RecordOf<Fields, PoseCertificate>& certificate) {
   f("proven", certificate.proven);
+  f("unexplained_cost", certificate.unexplained_cost);
   f("score", certificate.score);
   f("bound", certificate.bound);
   f("alternative", certificate.alternative);
