@@ -146,6 +146,22 @@ TEST(ElasticRod, ComesBackToWhereItWas) {
   EXPECT_NEAR(rod.inserted_m(), 0.08, 1e-12);
 }
 
+// A step of the drive of three edges is as good as many that are shorter than one: points come and go as they must.
+TEST(ElasticRod, AStepMayBeLongerThanAnEdge) {
+  RodSettings settings;
+  settings.friction = 0;
+  settings.spacing_m = settings.tip_spacing_m = 0.35e-3;
+  const Lumen lumen(bentTube(0.02, 0.05, 0.4, 4e-3));
+  ElasticRod at_once(lumen, settings, {{0, 0.03}, 0.4}), by_parts(lumen, settings, {{0, 0.03}, 0.4});
+  for (const double in_m : {1e-3, 1e-3, -1e-3, -1e-3, -1e-3}) {
+    at_once.move({in_m, 0});
+    for (int k = 0; k < 10; ++k) by_parts.move({0.1 * in_m, 0});
+    ASSERT_TRUE(at_once.shape().points.allFinite());
+    EXPECT_GT(at_once.body().lengths_m.minCoeff(), 0.3 * settings.spacing_m);
+    EXPECT_LT((tipOf(at_once) - tipOf(by_parts)).norm(), 20e-6);  // The first edge is cut elsewhere.
+  }
+}
+
 // Wherever a bent tip points, pushed on it goes into the branch on that side and not into the wall between them.
 TEST(ElasticRod, TakesTheBranchThatItsTipPointsTo) {
   RodSettings settings;

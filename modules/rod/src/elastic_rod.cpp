@@ -109,7 +109,8 @@ void ElasticRod::move(const RodMotion& motion) {
 void ElasticRod::step(const RodMotion& motion) {
   inserted_m_ += motion.inserted_m;
   body_.lengths_m[1] += motion.inserted_m;
-  fitPoints();
+  while (fitPoints()) {
+  }
   shape_.turned.setZero();
   from_ = shape_.points;
   sliding_ = pressed();  // By the wall's forces as they were, until new ones are known.
@@ -128,15 +129,16 @@ void ElasticRod::slideBy(double inserted_m) {
   shape_ = moved(shape_, way);
 }
 
-// One more point behind the held ones when the first edge has grown long, or one less when it has shrunk.
-void ElasticRod::fitPoints() {
+// One more point behind the held ones when the first edge has grown long, or one less when it has shrunk; whether there
+// was one. A step of the drive may be longer than an edge.
+bool ElasticRod::fitPoints() {
   const Eigen::Index n = shape_.size();
   const double from_tip_m = inserted_m_ - body_.lengths_m[1];  // Of the second end of the first edge.
   const double space_m = spacingAt(settings_, from_tip_m);
   Eigen::Index more = 0;
   if (body_.lengths_m[1] > kLongest * space_m) more = 1;
   if (n > 4 && body_.lengths_m[1] < kShortest * body_.lengths_m[2]) more = -1;
-  if (more == 0) return;
+  if (more == 0) return false;
   const RodShape old = shape_;
   const Eigen::VectorXd lengths = body_.lengths_m;
   const std::vector<int> tubes = tubes_;
@@ -171,6 +173,7 @@ void ElasticRod::fitPoints() {
   }
   setSections();
   shape_ = rolled(shape_, 0);  // Brings the twists up to date.
+  return true;
 }
 
 }  // namespace angio::rod

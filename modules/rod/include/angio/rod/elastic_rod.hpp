@@ -81,7 +81,7 @@ class ElasticRod {
   void layOut(const RodStart& start);
   void setSections();
   void slideBy(double inserted_m);
-  void fitPoints();
+  bool fitPoints();
   void step(const RodMotion& motion);
   void rest();
   bool newton();
