@@ -11,6 +11,7 @@ namespace {
 
 // The drive's way after which the rod is brought to rest anew: some 20 ms of it.
 constexpr double kLeastWay_m = 0.3e-3, kLeastWay_rad = 0.06;
+constexpr double kSpacing = 0.5;       // Of the rod's points, in diameters.
 constexpr double kMostWay_m = 0.6e-3;  // In one step of 5 ms: what bulged outside comes in no faster than that.
 
 rod::RodSettings rodOf(const CatheterSettings& catheter) {
@@ -23,7 +24,8 @@ rod::RodSettings rodOf(const CatheterSettings& catheter) {
   rod.bend_length_m = 0.4 * rod.tip_length_m;
   rod.tip_spacing_m = std::min(1e-3, 0.1 * rod.tip_length_m);
   rod.friction = elastic.wall_friction;
-  rod.spacing_m = std::clamp(2e-3 * catheter.diameter_mm, 1e-3, 3e-3);
+  rod.spacing_m = kSpacing * 1e-3 * catheter.diameter_mm;
+  rod.tip_spacing_m = std::min(rod.tip_spacing_m, rod.spacing_m);
   return rod;
 }
 
