@@ -2,6 +2,7 @@
 #include "angio/rod/lumen.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <queue>
 
@@ -19,34 +20,48 @@ constexpr double kStraight = 0.7;                           // Cosine of a turn 
 
 constexpr double kRounding = 1;       // Standard deviation of the mean that rounds an axis, in radii ...
 constexpr double kMaxRounding = 0.5;  // ... and how far it may move a point, in radii.
+constexpr int kMaxRounds = 200;
 
-// The tree with its branches' corners rounded: a vessel does not turn in much less than its radius, and the axes of
-// segmented ones have that much noise.
-VesselTree rounded(const VesselTree& tree) {
-  Eigen::Matrix3Xd points = tree.points();
+// How often a point's place becomes the mean of its own and those beside it: a mean of a quarter, a half and a quarter
+// has a variance of half a step squared.
+std::vector<int> roundsOf(const VesselTree& tree) {
+  std::vector<int> rounds(static_cast<std::size_t>(tree.size()), 0);
   for (const std::vector<int>& branch : tree.branches()) {
-    Eigen::Matrix3Xd line(3, static_cast<Eigen::Index>(branch.size()));
-    for (std::size_t k = 0; k < branch.size(); ++k)
-      line.col(static_cast<Eigen::Index>(k)) = tree.points().col(branch[k]);
-    const Eigen::Matrix3Xd old = line;
-    const double step_m = (line.rightCols(line.cols() - 1) - line.leftCols(line.cols() - 1)).colwise().norm().mean();
-    double radius_m = 0;
-    for (const int i : branch)
-      radius_m += *tree.radii()[static_cast<std::size_t>(i)] / static_cast<double>(branch.size());
-    // A mean of a quarter, a half and a quarter has a variance of half a step squared.
-    const double most = 2 * std::pow(kRounding * radius_m / std::max(step_m, kMinEdge_m), 2);
-    const int rounds = static_cast<int>(std::min(std::lround(most), 200L));
-    for (int round = 0; round < rounds; ++round) {
-      const Eigen::Matrix3Xd before = line;
-      for (Eigen::Index k = 1; k + 1 < line.cols(); ++k) {
-        const double room_m =
-            kMaxRounding * *tree.radii()[static_cast<std::size_t>(branch[static_cast<std::size_t>(k)])];
-        const Eigen::Vector3d off =
-            0.25 * before.col(k - 1) + 0.5 * before.col(k) + 0.25 * before.col(k + 1) - old.col(k);
-        line.col(k) = old.col(k) + std::min(1.0, room_m / std::max(off.norm(), kMinEdge_m)) * off;
-      }
+    const auto count = static_cast<double>(branch.size());
+    double length_m = 0, radius_m = 0;
+    for (std::size_t k = 0; k < branch.size(); ++k) {
+      radius_m += *tree.radii()[static_cast<std::size_t>(branch[k])] / count;
+      if (k > 0) length_m += (tree.points().col(branch[k]) - tree.points().col(branch[k - 1])).norm();
     }
-    for (Eigen::Index k = 1; k + 1 < line.cols(); ++k) points.col(branch[static_cast<std::size_t>(k)]) = line.col(k);
+    const double step_m = std::max(length_m / std::max(count - 1, 1.0), kMinEdge_m);
+    const auto most =
+        static_cast<int>(std::min(std::round(2 * std::pow(kRounding * radius_m / step_m, 2)), 1.0 * kMaxRounds));
+    for (const int i : branch)
+      rounds[static_cast<std::size_t>(i)] = std::max(rounds[static_cast<std::size_t>(i)], most);
+  }
+  return rounds;
+}
+
+// The tree with its corners rounded, those at forks too: a vessel does not turn in much less than its radius, and the
+// axes of segmented ones have that much noise, most of all where thinned lines of voxels meet. Ends stay where they
+// are.
+VesselTree rounded(const VesselTree& tree) {
+  const std::vector<int> rounds = roundsOf(tree);
+  const int most = rounds.empty() ? 0 : *std::max_element(rounds.begin(), rounds.end());
+  Eigen::Matrix3Xd points = tree.points();
+  for (int round = 0; round < most; ++round) {
+    const Eigen::Matrix3Xd before = points;
+    for (int i = 0; i < tree.size(); ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const std::vector<int>& children = tree.children()[at];
+      if (round >= rounds[at] || tree.parents()[at] < 0 || children.empty()) continue;
+      Eigen::Vector3d behind = Eigen::Vector3d::Zero();
+      for (const int child : children) behind += before.col(child) / static_cast<double>(children.size());
+      const Eigen::Vector3d off =
+          0.25 * before.col(tree.parents()[at]) + 0.5 * before.col(i) + 0.25 * behind - tree.points().col(i);
+      const double room_m = kMaxRounding * *tree.radii()[at];
+      points.col(i) = tree.points().col(i) + std::min(1.0, room_m / std::max(off.norm(), kMinEdge_m)) * off;
+    }
   }
   return VesselTree(points, tree.parents(), tree.radii());
 }
