@@ -13,7 +13,7 @@ namespace {
 constexpr int kAngles = 72;
 constexpr int kBends = 13;
 constexpr double kLevers[] = {0.7, 1.3};  // The distance over which a tip chooses a branch is not well known.
-constexpr double kStraighter_rad = 0.5, kAsWide = 0.85;  // A branch that any tip goes on into.
+constexpr double kStraighter_rad = 0.5, kAsWide = 0.85;  // A branch that most tips go on into.
 constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
 
 // Frame of the vessel that ends at the fork in front of `child`.

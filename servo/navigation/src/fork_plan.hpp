@@ -37,8 +37,8 @@ Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m);
 /// vessel. Thinned centrelines take a step sideways where they meet, so that their last 2 mm may point anywhere.
 Fork approachedFork(const TreeTopology& map, int wanted, int towards, double lever_m);
 
-/// Whether an elastic catheter that is pushed goes on into `wanted`, wherever its tip stands: that turns far less than
-/// any other branch there and is about as wide or wider.
+/// Whether an elastic catheter that is pushed mostly goes on into `wanted`, wherever its tip stands: that turns far
+/// less than any other branch there and is about as wide or wider.
 bool leadsStraightOn(const TreeTopology& map, int wanted, double lever_m);
 
 /// From the next branch towards the wanted one, across the vessel that ends at the fork: normal, binormal; length 1, or

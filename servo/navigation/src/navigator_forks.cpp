@@ -100,7 +100,7 @@ Eigen::Vector2d Navigator::sideOf(int branch) const {
   return Eigen::Rotation2Dd(kBesideLoose_rad[tries % std::size(kBesideLoose_rad)]) * side;
 }
 
-// Whether the forks that are aimed for are crossed wherever the tip stands; one that was missed is not.
+// Whether the forks that are aimed for are mostly crossed wherever the tip stands; one that was missed is aimed for.
 bool Navigator::needsNoAim() const {
   return triesAt(aimed_for_.front()) == 0 && std::all_of(aimed_for_.begin(), aimed_for_.end(), [&](int branch) {
            return leadsStraightOn(map_, branch, 1e-3 * settings_.lever_mm);

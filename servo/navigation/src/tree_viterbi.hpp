@@ -39,7 +39,7 @@ WalkArea areaAround(const WalkPlaces& places, const TipBelief& expected, double 
 class TreeViterbi {
  public:
   static constexpr double kStep_m = 0.35e-3;  ///< Between displacements, in the patient.
-  static constexpr int kMaxReach = 24;        ///< Largest displacement of all, in steps.
+  static constexpr int kMaxReach = 48;        ///< Largest displacement of all, in steps: 17 mm, for an aorta.
   /// Over displacements: rows x, columns y, from -reach() to reach() steps each.
   using Scores = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic>;
 
