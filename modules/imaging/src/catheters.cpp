@@ -205,10 +205,10 @@ CentreLine cut(CentreLine& line, std::size_t at) {
   return rest;
 }
 
-// Marks the first `count` points of a path.
+// Marks the first `count` points of a path, as far as no other catheter's mark has cut its lines.
 void markDevice(std::vector<CentreLine>& lines, const BorderPath& path, std::size_t count) {
   for (const auto& [own, size, reversed] : path.pieces) {
-    if (lines[own].kind == CurveKind::kDevice || count < 2) return;
+    if (lines[own].kind == CurveKind::kDevice || lines[own].line.size() != size || count < 2) return;
     if (count < size) {
       CentreLine rest = cut(lines[own], reversed ? size - count + 1 : count);
       (reversed ? rest : lines[own]).kind = CurveKind::kDevice;
