@@ -115,6 +115,32 @@ TEST(LineEvidence, WideFaintLineThatStandsAloneIsABone) {
   EXPECT_EQ(strict.size(), 1U);
 }
 
+// The diaphragm's edge: as clear, long and near as a vessel can be, with a sixth of the contrast that an artery of its
+// width would have. One as wide with as much contrast as its width asks for is a vessel, and so is one that is as dark
+// as the arteries: an aorta may be less dense.
+TEST(LineEvidence, WideLineMustBeAsDarkAsItIsWide) {
+  const auto keeps = [](float contrast) {
+    std::vector<CentreLine> lines = {kTrunk, lineFrom({130, 212}, 200, 12, 0.5f, contrast)};
+    dropUnlikely(lines, kSide, 0.6f);
+    return lines.size() == 2;
+  };
+  EXPECT_FALSE(keeps(0.2f));
+  EXPECT_TRUE(keeps(0.35f));
+  EXPECT_TRUE(keeps(1.2f));
+}
+
+// A wide line of less than even odds is a vessel where most are so wide, as in an aorta, and clutter among arteries.
+TEST(LineEvidence, WideLineOwesLessAmongWideOnes) {
+  const auto keeps = [](float radius) {
+    std::vector<CentreLine> lines = {lineFrom({60, 200}, 300, radius, 0.3f, 0.5f),
+                                     lineFrom({130, 240}, 100, 8, 12, 0.35f)};
+    dropUnlikely(lines, kSide, 0);
+    return lines.size() == 2;
+  };
+  EXPECT_TRUE(keeps(6.1f));
+  EXPECT_FALSE(keeps(5.9f));
+}
+
 TEST(LineEvidence, DevicesStayAndAreNoMeasure) {
   CentreLine wire = lineFrom({300, 30}, 40, 1, 2, 0.05f), steel = lineFrom({60, 400}, 300, 1, 0.1f, 5);
   wire.kind = steel.kind = CurveKind::kDevice;

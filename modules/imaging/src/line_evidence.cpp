@@ -100,6 +100,7 @@ class Surroundings {
     on.contrast_part = on.contrast / strong_contrast_;
     on.density_part = densityOf(line) / usual_density_;
     on.is_wide = isWide(i);
+    on.among_wide = on.is_wide && most_are_wide_;
     on.stands_alone = !isBranch(i);
     on.terms = {std::log(std::clamp(clarityOf(line), kMinClarity, kMaxClarity)),
                 std::log(std::clamp(on.contrast_part, kMinContrast, kMaxContrast)),
@@ -131,6 +132,7 @@ class Surroundings {
       const std::vector<float> own = densitiesAlong(line, line.line.size());
       densities.insert(densities.end(), own.begin(), own.end());
     }
+    most_are_wide_ = wide_contrasts.size() > contrasts.size();
     if (static_cast<float>(contrasts.size()) < kEnough * side_) {
       contrasts.insert(contrasts.end(), wide_contrasts.begin(), wide_contrasts.end());
     }
@@ -226,6 +228,7 @@ class Surroundings {
   std::vector<float> lengths_, radii_, contrasts_;  // Medians.
   std::vector<std::vector<std::size_t>> near_;
   float strong_contrast_ = 1, usual_density_ = 1;
+  bool most_are_wide_ = false;
   std::vector<std::size_t> root_;  // Of each line, the one that stands for its group.
   std::vector<Group> groups_;      // At the roots.
   std::size_t tree_ = 0;           // The root of the group that shows most.

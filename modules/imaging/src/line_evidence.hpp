@@ -33,6 +33,7 @@ struct LineEvidence {
   float contrast_part = 0;    ///< Over that of the strong vessels.
   float density_part = 0;     ///< Over the usual one.
   bool is_wide = false;       ///< Wider than the vessels that the weights were learnt from.
+  bool among_wide = false;    ///< It is, and so is most of what the image shows.
   bool stands_alone = false;  ///< Neither end is at another line.
 };
 

@@ -13,7 +13,7 @@ namespace {
 constexpr float kPrior = 0.11f;
 constexpr decltype(LineEvidence::terms) kWeights = {1.05f, 1.69f, 0.63f, 0.66f, -0.48f, -0.64f, 1.03f, -0.47f, -0.77f};
 
-// A wide line's place is less sure: it owes less. A step's edge has -0.7 and less.
+// A wide line's place is less sure: among wide ones it owes less. A step's edge has -0.7 and less.
 constexpr float kWideOdds = -0.6f;
 
 // Log odds of a vessel where one is expected, over those of one elsewhere. Chosen on simulated livers, seed 11.
@@ -29,6 +29,11 @@ constexpr float kBone = 0.15f, kBonePart = 0.5f;
 // A line that stands alone must have this many times the density that the others must.
 constexpr float kAloneFactor = 1.37f;
 
+// Contrast grows with the width of what holds contrast agent. A line wider than most vessels that has less than this
+// part of their density, and less than that part of the strong ones' contrast, is the edge or the overlap of organs. An
+// aorta beside metal has as little density, but two thirds and more of that contrast.
+constexpr float kWideDensity = 0.39f, kWidePart = 0.6f;
+
 float logOddsOf(const LineEvidence& evidence) {
   return std::inner_product(kWeights.begin(), kWeights.end(), evidence.terms.begin(), kPrior);
 }
@@ -38,9 +43,14 @@ bool isDilute(const LineEvidence& evidence, float least_density) {
   return evidence.density_part < least_density * (evidence.stands_alone ? kAloneFactor : 1);
 }
 
+bool isOrgan(const LineEvidence& evidence) {
+  return evidence.is_wide && evidence.density_part < kWideDensity && evidence.contrast_part < kWidePart;
+}
+
 bool isLikely(const LineEvidence& evidence, float least_density, bool expected) {
   const float log_odds = logOddsOf(evidence) + (expected ? kExpectedOdds : 0);
-  if (!(log_odds > (evidence.is_wide ? kWideOdds : 0))) return false;
+  if (!(log_odds > (evidence.among_wide ? kWideOdds : 0))) return false;
+  if (!expected && isOrgan(evidence)) return false;
   return expected || log_odds > kNoBone || !isDilute(evidence, least_density);
 }
 
