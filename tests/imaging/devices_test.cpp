@@ -5,6 +5,7 @@
 
 #include "angio/imaging/extractor.hpp"
 #include "angio/test/namespace.hpp"
+#include "border_path.hpp"
 #include "line_metrics.hpp"
 
 namespace angio::test {
@@ -134,6 +135,29 @@ TEST(Devices, AnArteryWiderThanCathetersAreIsAVessel) {
                       test::straightTube({150, 170}, {330, 300}, 1.7 * radius),
                       test::straightTube({330, 300}, {450, 270}, 4), test::straightTube({330, 300}, {370, 450}, 4)}};
     EXPECT_EQ(ofKind(extractRidges(scene), CurveKind::kDevice).size() > 0, radius < 4) << radius;
+  }
+}
+
+// A catheter's line that first follows what lies along the border begins where it turns away from that, by 45 deg; a
+// line that turns by 25 deg there is a catheter from its first point on.
+TEST(Devices, APathBeginsWhereItLeavesWhatLiesAlongTheBorder) {
+  const std::vector<RowRange> open(512, {0, 512});
+  constexpr std::size_t kTurn = 36, kSize = 120;
+  for (const float turn_deg : {25.0f, 45.0f}) {
+    CentreLine line;
+    cv::Point2f at(8, 100);
+    for (std::size_t i = 0; i < kSize; ++i) {
+      line.line.push_back(at);
+      const float angle = i < kTurn ? 0 : turn_deg * static_cast<float>(CV_PI) / 180;
+      at += cv::Point2f(std::sin(angle), std::cos(angle));
+    }
+    line.radius.assign(kSize, 3.5f);
+    line.sigma.assign(kSize, 0.3f);
+    line.contrast.assign(kSize, 0.3f);
+    const imaging::BorderPath path = imaging::pathFromBorder({line}, 0, open);
+    ASSERT_EQ(path.pieces.size(), 1U);
+    EXPECT_EQ(path.bend, kSize);
+    EXPECT_NEAR(static_cast<double>(path.begin), turn_deg > 40 ? kTurn : 0, 5) << turn_deg;
   }
 }
 

@@ -22,7 +22,8 @@ constexpr float kAsWide = 1.3f;
 // What is alike may be interrupted over so many points.
 constexpr std::size_t kInterruption = 2 * kWindow;
 // From so many radii before a point to so many after it a catheter turns by 50 deg at most: the curves that it is made
-// with have radii of several of its own diameters. Lines may follow the border first, for so many points.
+// with have radii of several of its own diameters. Lines may follow the border, or what else lies beside it, first, for
+// so many points, to where they turn by more than a piece that goes on.
 constexpr float kBendReach = 3, kSharpBend = 0.64f;
 constexpr std::size_t kAlongBorder = 48;
 
@@ -71,22 +72,22 @@ BorderPath::Piece nextPiece(const std::vector<CentreLine>& lines, const BorderPa
   return next;
 }
 
-// Whether a path bends at a point more sharply than a catheter.
-bool bendsAt(const CentreLine& path, std::size_t i) {
+// Whether a path bends at a point by more than an angle of this cosine.
+bool bendsAt(const CentreLine& path, std::size_t i, float straight) {
   const Polyline& line = path.line;
   const auto reach = static_cast<std::size_t>(std::max(kBendReach * path.radius[i], static_cast<float>(kEndReach)));
   if (i < reach || i + reach >= line.size()) return false;
   const cv::Point2f before = line[i] - line[i - reach], after = line[i + reach] - line[i];
-  return before.dot(after) < kSharpBend * static_cast<float>(cv::norm(before) * cv::norm(after));
+  return before.dot(after) < straight * static_cast<float>(cv::norm(before) * cv::norm(after));
 }
 
 void findBends(BorderPath& path) {
   const std::size_t n = path.whole.line.size();
   for (std::size_t i = 0; i < std::min(n, kAlongBorder); ++i) {
-    if (bendsAt(path.whole, i)) path.begin = i;
+    if (bendsAt(path.whole, i, kStraightOn)) path.begin = i;
   }
   path.bend = std::min(n, kAlongBorder);
-  while (path.bend < n && !bendsAt(path.whole, path.bend)) ++path.bend;
+  while (path.bend < n && !bendsAt(path.whole, path.bend, kSharpBend)) ++path.bend;
 }
 
 }  // namespace
