@@ -129,7 +129,8 @@ TEST(LineEvidence, WideLineMustBeAsDarkAsItIsWide) {
   EXPECT_TRUE(keeps(1.2f));
 }
 
-// A wide line of less than even odds is a vessel where most are so wide, as in an aorta, and clutter among arteries.
+// A wide line of less than even odds is a vessel where most are so wide, as in an aorta, or where it is as dark as the
+// arteries, and clutter otherwise.
 TEST(LineEvidence, WideLineOwesLessAmongWideOnes) {
   const auto keeps = [](float radius) {
     std::vector<CentreLine> lines = {lineFrom({60, 200}, 300, radius, 0.3f, 0.5f),

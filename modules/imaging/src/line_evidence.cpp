@@ -100,7 +100,7 @@ class Surroundings {
     on.contrast_part = on.contrast / strong_contrast_;
     on.density_part = densityOf(line) / usual_density_;
     on.is_wide = isWide(i);
-    on.among_wide = on.is_wide && most_are_wide_;
+    on.most_are_wide = most_are_wide_;
     on.stands_alone = !isBranch(i);
     on.terms = {std::log(std::clamp(clarityOf(line), kMinClarity, kMaxClarity)),
                 std::log(std::clamp(on.contrast_part, kMinContrast, kMaxContrast)),

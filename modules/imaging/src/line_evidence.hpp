@@ -29,12 +29,12 @@ struct LineEvidence {
   ///   the same on both sides.
   std::array<float, kEvidenceTerms.size()> terms{};
 
-  float contrast = 0;         ///< Median, of the image's logarithm.
-  float contrast_part = 0;    ///< Over that of the strong vessels.
-  float density_part = 0;     ///< Over the usual one.
-  bool is_wide = false;       ///< Wider than the vessels that the weights were learnt from.
-  bool among_wide = false;    ///< It is, and so is most of what the image shows.
-  bool stands_alone = false;  ///< Neither end is at another line.
+  float contrast = 0;          ///< Median, of the image's logarithm.
+  float contrast_part = 0;     ///< Over that of the strong vessels.
+  float density_part = 0;      ///< Over the usual one.
+  bool is_wide = false;        ///< Wider than the vessels that the weights were learnt from.
+  bool most_are_wide = false;  ///< Most of what the image shows is.
+  bool stands_alone = false;   ///< Neither end is at another line.
 };
 
 /// Evidence on each line, devices included, which are no measure of what vessels are like. `side` is the working

@@ -13,7 +13,8 @@ namespace {
 constexpr float kPrior = 0.11f;
 constexpr decltype(LineEvidence::terms) kWeights = {1.05f, 1.69f, 0.63f, 0.66f, -0.48f, -0.64f, 1.03f, -0.47f, -0.77f};
 
-// A wide line's place is less sure: among wide ones it owes less. A step's edge has -0.7 and less.
+// A wide line's place is less sure: among wide ones, or where it is as dark as the strong vessels, it owes less. A step's
+// edge has -0.7 and less.
 constexpr float kWideOdds = -0.6f;
 
 // Log odds of a vessel where one is expected, over those of one elsewhere. Chosen on simulated livers, seed 11.
@@ -43,13 +44,17 @@ bool isDilute(const LineEvidence& evidence, float least_density) {
   return evidence.density_part < least_density * (evidence.stands_alone ? kAloneFactor : 1);
 }
 
+bool owesLess(const LineEvidence& evidence) {
+  return evidence.is_wide && (evidence.most_are_wide || evidence.contrast_part > 1);
+}
+
 bool isOrgan(const LineEvidence& evidence) {
   return evidence.is_wide && evidence.density_part < kWideDensity && evidence.contrast_part < kWidePart;
 }
 
 bool isLikely(const LineEvidence& evidence, float least_density, bool expected) {
   const float log_odds = logOddsOf(evidence) + (expected ? kExpectedOdds : 0);
-  if (!(log_odds > (evidence.among_wide ? kWideOdds : 0))) return false;
+  if (!(log_odds > (owesLess(evidence) ? kWideOdds : 0))) return false;
   if (!expected && isOrgan(evidence)) return false;
   return expected || log_odds > kNoBone || !isDilute(evidence, least_density);
 }
