@@ -23,9 +23,8 @@ struct BorderPath {
   };
   CentreLine whole;           ///< From the border on; its kind and step are not set.
   std::vector<Piece> pieces;  ///< In order.
-  std::size_t begin =
-      0;  ///< Where it leaves the border, or what lies beside it, that it first followed: it turns there.
-  std::size_t bend = 0;  ///< The next point at which it bends more sharply than a catheter, or its size.
+  std::size_t begin = 0;      ///< Where it leaves the border, or what lies beside it, that it first followed.
+  std::size_t bend = 0;       ///< The next point at which it bends more sharply than a catheter, or its size.
 
   bool has(std::size_t line) const;
 };
