@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "fork_plan.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -13,7 +12,6 @@ namespace {
 constexpr int kAngles = 72;
 constexpr int kBends = 13;
 constexpr double kLevers[] = {0.7, 1.3};  // The distance over which a tip chooses a branch is not well known.
-constexpr double kStraighter_rad = 0.5, kAsWide = 0.85;  // A branch that most tips go on into.
 constexpr double kCloser = 0.03;  // [rad] A larger bend must earn its contact with the wall by this for each step.
 
 // Frame of the vessel that ends at the fork in front of `child`.
@@ -54,37 +52,6 @@ Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m) {
     }
   }
   return fork;
-}
-
-Fork approachedFork(const TreeTopology& map, int wanted, int towards, double lever_m) {
-  Fork fork = forkAt(map, wanted, towards, lever_m);
-  const auto parent = map.parent(wanted);
-  if (!parent) return fork;
-  const TreeLocation end{*parent, map.length_m(*parent)};
-  const Eigen::Vector3d chord = map.point(end) - map.point(map.before(end, lever_m));
-  if (!(chord.norm() > 0)) return fork;
-  fork.frame = map.frame(map.before(end, 0.5 * lever_m));
-  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(fork.frame.along, chord);
-  fork.frame = {chord.normalized(), turn * fork.frame.normal, turn * fork.frame.binormal};
-  return fork;
-}
-
-bool leadsStraightOn(const TreeTopology& map, int wanted, double lever_m) {
-  const auto parent = map.parent(wanted);
-  if (!parent) return true;
-  const Eigen::Vector3d along = approachedFork(map, wanted, wanted, lever_m).frame.along;
-  double turn = kPi, radius_m = 0;
-  const std::vector<TreeRoute> routes =
-      map.routesFrom(*parent, std::max(lever_m, map.parting_m(*parent) + 0.5 * lever_m));
-  for (const TreeRoute& route : routes) {
-    if (route.child != wanted) continue;
-    turn = std::min(turn, angleBetween(route.direction, along));
-    radius_m = std::max(radius_m, route.radius_m);
-  }
-  return std::all_of(routes.begin(), routes.end(), [&](const TreeRoute& route) {
-    return route.child == wanted ||
-           (angleBetween(route.direction, along) - turn > kStraighter_rad && radius_m > kAsWide * route.radius_m);
-  });
 }
 
 Eigen::Vector2d sidewaysOf(const TreeTopology& map, int child, int towards, double lever_m) {

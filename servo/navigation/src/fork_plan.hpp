@@ -33,14 +33,6 @@ struct Fork {
 /// until those have parted. A short one goes on as its own children do, the wanted one towards the branch `towards`.
 Fork forkAt(const TreeTopology& map, int wanted, int towards, double lever_m);
 
-/// The same fork as a tip in front of it meets it: the frame's `along` is the chord of the last `lever_m` [m] of the
-/// vessel. Thinned centrelines take a step sideways where they meet, so that their last 2 mm may point anywhere.
-Fork approachedFork(const TreeTopology& map, int wanted, int towards, double lever_m);
-
-/// Whether an elastic catheter that is pushed mostly goes on into `wanted`, wherever its tip stands: that turns far
-/// less than any other branch there and is about as wide or wider.
-bool leadsStraightOn(const TreeTopology& map, int wanted, double lever_m);
-
 /// From the next branch towards the wanted one, across the vessel that ends at the fork: normal, binormal; length 1, or
 /// zero where there is no other branch.
 Eigen::Vector2d sideTowards(const Fork& fork);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The navigator in front of a fork and across it: looks, aims, crosses, and sees which branch was entered.
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -37,8 +36,6 @@ constexpr double kMinMargin_rad = 0.1;      // For one aim to serve several fork
 
 // Where further tries at a fork aim beside the plan [rad]: a wrong idea of the tip's angle is wrong again.
 constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5, 1.6};
-// The same of a loose one, from the side that its tip is to stand on: each angle with both bends that planNext() takes.
-constexpr double kBesideLoose_rad[] = {0, 0, 0.8, 0.8, -0.8, -0.8, 1.6, 1.6, -1.6, -1.6};
 
 }  // namespace
 
@@ -46,7 +43,6 @@ constexpr double kBesideLoose_rad[] = {0, 0, 0.8, 0.8, -0.8, -0.8, 1.6, 1.6, -1.
 NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
   planNext(*view.next);
   if (isLoose()) {
-    if (needsNoAim()) return startCrossing(input, 0);
     const ForkSide side = sideOfForks();
     if (standsRight(side)) return startCrossing(input, input.drive.bend_rad);
     if (!showsSideOf(*view.next) && !asked_for_side_) {
@@ -80,31 +76,12 @@ ForkSide Navigator::sideOfForks() const {
   const Eigen::Matrix2d covariance = roll_.headingCovariance() + offset.covariance / (lever_m * lever_m);
   ForkSide least{10, 0};
   for (const int branch : aimed_for_) {
-    const Eigen::Vector2d side = sideOf(branch);
+    const Eigen::Vector2d side = sideTowards(forkAt(map_, branch, target_.branch, lever_m));
     if (side.isZero()) continue;
     const double slope = side.dot(towards);
     if (slope < least.slope) least = {slope, std::sqrt(std::max(side.dot(covariance * side), 0.0))};
   }
   return least;
-}
-
-int Navigator::triesAt(int branch) const {
-  const auto tried = tries_.find(*map_.parent(branch));
-  return tried == tries_.end() ? 0 : tried->second;
-}
-
-// To which side of the fork in front of `branch` a tip is to stand, in the vessel's frame; further tries aim beside it.
-Eigen::Vector2d Navigator::sideOf(int branch) const {
-  const auto tries = static_cast<std::size_t>(triesAt(aimed_for_.empty() ? branch : aimed_for_.front()));
-  const Eigen::Vector2d side = sideTowards(approachedFork(map_, branch, target_.branch, 1e-3 * settings_.lever_mm));
-  return Eigen::Rotation2Dd(kBesideLoose_rad[tries % std::size(kBesideLoose_rad)]) * side;
-}
-
-// Whether the forks that are aimed for are mostly crossed wherever the tip stands; one that was missed is aimed for.
-bool Navigator::needsNoAim() const {
-  return triesAt(aimed_for_.front()) == 0 && std::all_of(aimed_for_.begin(), aimed_for_.end(), [&](int branch) {
-           return leadsStraightOn(map_, branch, 1e-3 * settings_.lever_mm);
-         });
 }
 
 bool Navigator::standsRight(const ForkSide& side) const {
@@ -113,7 +90,7 @@ bool Navigator::standsRight(const ForkSide& side) const {
 
 // Whether the image shows to which side of the fork in front of `branch` the tip stands.
 bool Navigator::showsSideOf(int branch) const {
-  const Eigen::Vector2d side = sideOf(branch);
+  const Eigen::Vector2d side = sideTowards(forkAt(map_, branch, target_.branch, 1e-3 * settings_.lever_mm));
   return side.isZero() || (observable_axis_ && std::abs(side.dot(*observable_axis_)) >= kShown);
 }
 
@@ -256,7 +233,7 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
-  if (isLoose() && beyond_m < 0 && searches_ < kMaxSearches && !needsNoAim() && sideOfForks().slope < kWrongSide) {
+  if (isLoose() && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide) {
     planNext(aimed_for_.front());
     return startSearch(input);
   }

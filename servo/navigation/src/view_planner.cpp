@@ -67,7 +67,7 @@ std::vector<ViewPlanner::SeenFork> ViewPlanner::forksBetween(double from_m, doub
   std::vector<SeenFork> forks;
   for (const int branch : map_.pathTo(target_.branch)) {
     if (map_.start_m(branch) < from_m || map_.start_m(branch) > to_m) continue;
-    const Fork fork = approachedFork(map_, branch, target_.branch, kLever_m);
+    const Fork fork = forkAt(map_, branch, target_.branch, kLever_m);
     const Eigen::Vector2d side = sideTowards(fork);
     if (side.isZero()) continue;
     forks.push_back(

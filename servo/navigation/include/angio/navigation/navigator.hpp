@@ -164,9 +164,6 @@ class Navigator {
   void observe(const NavigationInput& input, double path_m);
   TipOffset bentOffset() const;
   ForkSide sideOfForks() const;
-  int triesAt(int branch) const;  // At the fork in front of it.
-  Eigen::Vector2d sideOf(int branch) const;
-  bool needsNoAim() const;
   bool standsRight(const ForkSide& side) const;
   bool showsSideOf(int branch) const;
   bool hasEntered(const NavigationInput& input) const;
