@@ -242,6 +242,27 @@ TEST(Certificate, ProvesThatNoOtherPoseScoresNearlyAsWell) {
   }
 }
 
+// What is not explained costs as much as leaves the found pose half of the points of what is; from an image without
+// branches it costs less than from a whole one.
+TEST(Certificate, UnexplainedPlacesCostWhatTheFoundPoseCanBear) {
+  const CertificateScene s(3);
+  std::vector<bool> costs(4, false);
+  for (double missing = 0; missing < 0.5; missing += 0.04) {
+    std::vector<bool> keep(static_cast<std::size_t>(s.image.size()));
+    for (int i = 0; i < s.image.size(); ++i) keep[static_cast<std::size_t>(i)] = i >= missing * s.image.size();
+    const XrayView view{pointsWhere(s.image, keep), s.camera};
+    const auto score = [&](int cost) { return certifiedScore(s.tree, view, s.truth, cost); };
+    auto settings = boxOf(1, 1);
+    settings.seconds = 0;
+    const int cost = certify(s.tree, view, s.truth, s.truth, settings).unexplained_cost;
+    ASSERT_TRUE(cost >= 1 && cost <= 3) << cost;
+    costs[static_cast<std::size_t>(cost)] = true;
+    if (cost > 1) EXPECT_GE(2 * score(cost), score(0)) << missing;
+    if (cost < 3) EXPECT_LT(2 * score(cost + 1), score(0)) << missing;
+  }
+  EXPECT_TRUE(costs[1] && costs[2] && costs[3]);
+}
+
 TEST(Certificate, OneThreadAndTwoProveTheSame) {
   const CertificateScene s(4);
   auto settings = boxOf(15, 15);
