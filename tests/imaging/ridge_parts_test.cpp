@@ -9,6 +9,7 @@
 #include "angio/imaging/extractor.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
+#include "field_outline.hpp"
 #include "finer_lines.hpp"
 #include "line_metrics.hpp"
 #include "quantile.hpp"
@@ -31,6 +32,19 @@ TEST(Quantile, IsWhatSortingFinds) {
       ASSERT_EQ(imaging::valueAt(static_cast<std::size_t>(place), values), sorted[place]) << count;
     }
   }
+}
+
+// A row above an outline has no pixel, nor any beyond the image.
+TEST(RowsInside, AreWithinTheImage) {
+  const std::vector<cv::Point2f> outline{{20, 30}, {90, 20}, {70, 80}, {30, 90}};
+  int empty = 0;
+  for (const imaging::RowRange& row : imaging::rowsInside(outline, {64, 64}, 3)) {
+    EXPECT_GE(row.begin, 0);
+    EXPECT_LE(row.begin, row.end);
+    EXPECT_LE(row.end, 64);
+    empty += row.begin == row.end ? 1 : 0;
+  }
+  EXPECT_GT(empty, 20);
 }
 
 // Lines in some rows of an image whose size fills no vectors, and other lines in the next image.

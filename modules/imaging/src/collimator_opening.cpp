@@ -193,7 +193,10 @@ std::vector<RowRange> rowsInside(const std::vector<cv::Point2f>& polygon, const 
       }
     }
   }
-  for (RowRange& row : rows) row.end = std::max(row.begin, row.end);
+  for (RowRange& row : rows) {
+    row.begin = std::min(row.begin, size.width);
+    row.end = std::max(row.begin, row.end);
+  }
   return rows;
 }
 
