@@ -53,7 +53,8 @@ int salientOfRow(const LinePixels& pixels, float strong_salience, float* to) {
     if (pixels.marks[i / kBlock] == 0) continue;
     const auto inside = hn::FirstN(d, static_cast<std::size_t>(pixels.width - i));
     const auto salient = hn::And(inside, hn::Gt(hn::LoadU(d, pixels.salience + i), strong));
-    count += static_cast<int>(hn::CompressStore(hn::LoadU(d, pixels.strength + i), salient, d, to + count));
+    hn::StoreU(hn::Compress(hn::LoadU(d, pixels.strength + i), salient), d, to + count);
+    count += static_cast<int>(hn::CountTrue(d, salient));
   }
   return count;
 }

@@ -33,8 +33,8 @@ constexpr float kFinerPart = 0.9f;
 
 constexpr int kBlock = LinePlane::kBlock;
 
-// A row of a LinePlane and its marks, and the columns of its lines, in whole vectors of them; returns how many.
-int strengthRow(const StrengthRow& row, int* columns, float* to, std::uint8_t* marks) {
+// A row of a LinePlane and its marks, and its lines' pixels, in whole vectors of them; returns how many.
+int strengthRow(const StrengthRow& row, const LineBends& found, float* to, std::uint8_t* marks) {
   const FloatTag d;
   const hn::RebindToSigned<FloatTag> whole;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -78,7 +78,14 @@ int strengthRow(const StrengthRow& row, int* columns, float* to, std::uint8_t* m
       line = hn::And(line, hn::RebindMask(d, inside));
       if (row.near != nullptr) line = hn::AndNot(hn::Gt(at(row.near, i), hn::Mul(part, strength)), line);
       hn::StoreU(hn::IfThenElseZero(line, strength), d, to + i);
-      count += static_cast<int>(hn::CompressStore(column, hn::RebindMask(whole, line), whole, columns + count));
+      // A vector is packed and then stored whole: storing some of its lanes takes hundreds of cycles on some
+      // processors.
+      const auto packed = hn::RebindMask(whole, line);
+      hn::StoreU(hn::Compress(column, packed), whole, found.columns + count);
+      hn::StoreU(hn::Compress(middle, line), d, found.middle + count);
+      hn::StoreU(hn::Compress(difference, line), d, found.difference + count);
+      hn::StoreU(hn::Compress(xy, line), d, found.xy + count);
+      count += static_cast<int>(hn::CountTrue(whole, packed));
     }
     if ((i + lanes) % kBlock == 0 || i + lanes >= row.width) mark = count > of_block ? 1 : 0;
   }
@@ -99,7 +106,19 @@ HWY_INLINE Float valuesAt(const FlankPixels& image, Float x, Float y) {
   const auto u = hn::Sub(x, hn::ConvertTo(d, x0)), v = hn::Sub(y, hn::ConvertTo(d, y0));
   const auto place = hn::Add(hn::Mul(y0, hn::Set(whole, image.stride)), x0);
   const auto along = [&](const float* row) {
+#if HWY_TARGET == HWY_SCALAR
     const auto left = hn::GatherIndex(d, row, place), right = hn::GatherIndex(d, row + 1, place);
+#else
+    // Two neighbours are gathered as one number of twice the length: gathering takes its time by the number.
+    const hn::RepartitionToWide<FloatTag> pair;
+    const hn::RebindToSigned<decltype(pair)> wide;
+    const auto bytes = hn::ShiftLeft<2>(place);
+    const auto pairsAt = [&](const auto& half) {
+      return hn::BitCast(d, hn::GatherOffset(pair, reinterpret_cast<const double*>(row), hn::PromoteTo(wide, half)));
+    };
+    const auto first = pairsAt(hn::LowerHalf(bytes)), last = pairsAt(hn::UpperHalf(hn::Half<decltype(whole)>(), bytes));
+    const auto left = hn::ConcatEven(d, last, first), right = hn::ConcatOdd(d, last, first);
+#endif
     return hn::MulAdd(u, hn::Sub(right, left), left);
   };
   const auto upper = along(image.values), lower = along(image.values + image.stride);
@@ -109,24 +128,18 @@ HWY_INLINE Float valuesAt(const FlankPixels& image, Float x, Float y) {
 // Takes pixels out of lines: those from which it does not rise on both sides, and those beside whose middle a sharper
 // filter sees what is darker. Two vessels side by side are one wide line to a coarse filter. There is room for a vector
 // behind the pixels' columns and rows. `strength` has rows of `stride` pixels.
-void scorePixels(const FlankImages& by, const int* columns, int* rows, int count, float* strength, int stride) {
+void scorePixels(const FlankImages& by, const LineBends& found, int* rows, int count, float* strength, int stride) {
   const FloatTag d;
   const hn::RebindToSigned<FloatTag> whole;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const float *here = by.image.values, *above = here - by.image.stride, *below = here + by.image.stride;
   const auto zero = hn::Zero(d), half = hn::Set(d, 0.5f), one = hn::Set(d, 1.0f);
+  const int* const columns = found.columns;
   for (int k = 0; k < lanes; ++k) rows[count + k] = rows[count - 1];
   for (int first = 0; first < count; first += lanes) {
     const auto column = hn::LoadU(whole, columns + first), row = hn::LoadU(whole, rows + first);
-    const auto place = hn::Add(hn::Mul(row, hn::Set(whole, by.image.stride)), column);
-    const auto at = [&](const float* from, int dx) { return hn::GatherIndex(d, from + dx, place); };
     // Direction across the line, from its doubled angle.
-    const auto middle = at(here, 0), twice = hn::Add(middle, middle);
-    const auto xx = hn::Sub(hn::Add(at(here, -1), at(here, 1)), twice);
-    const auto yy = hn::Sub(hn::Add(at(above, 0), at(below, 0)), twice);
-    const auto xy =
-        hn::Mul(hn::Set(d, 0.25f), hn::Sub(hn::Add(at(above, -1), at(below, 1)), hn::Add(at(above, 1), at(below, -1))));
-    const auto difference = hn::Mul(half, hn::Sub(xx, yy));
+    const auto middle = hn::LoadU(d, found.middle + first), difference = hn::LoadU(d, found.difference + first);
+    const auto xy = hn::LoadU(d, found.xy + first);
     const auto root = hn::Sqrt(hn::MulAdd(difference, difference, hn::Mul(xy, xy)));
     const auto c = hn::Neg(hn::Div(difference, hn::Max(root, hn::Set(d, 1e-30f))));
     const auto nx = hn::Sqrt(hn::Max(zero, hn::Mul(half, hn::Add(one, c))));
@@ -185,9 +198,9 @@ void ScaleLineFinder::operator()(const SmoothedImage& image, float reach, const 
   const int width = values.width(), height = values.height();
   strength.resize(width, height);
   if (height < 3) return;
-  for (auto* places : {&columns_, &rows_}) {
-    places->assign(static_cast<std::size_t>(kGathered) + static_cast<std::size_t>(width) + 2 * Plane::kSlack, 1);
-  }
+  const std::size_t most = static_cast<std::size_t>(kGathered) + static_cast<std::size_t>(width) + 2 * Plane::kSlack;
+  for (auto* places : {&columns_, &rows_}) places->assign(most, 1);
+  for (auto* bends : {&middle_, &difference_, &xy_}) bends->resize(most);
   threshold_.resize(static_cast<std::size_t>(width) + Plane::kSlack);
   FlankImages flanks{pixelsOf(values), {nullptr, 0, 0, 0}, 1, image.sigma};
   if (finer != nullptr) {
@@ -204,12 +217,14 @@ void ScaleLineFinder::operator()(const SmoothedImage& image, float reach, const 
     const float* near = finer != nullptr ? finer->lines.row(y) : nullptr;
     const StrengthRow row{values.row(y - 1), values.row(y), values.row(y + 1), threshold_.data(), near, width,
                           image.sigma,       reach};
-    const int of_row =
-        HWY_DYNAMIC_DISPATCH(strengthRow)(row, columns_.data() + count, strength.row(y), strength.marks(y));
+    const LineBends found{columns_.data() + count, middle_.data() + count, difference_.data() + count,
+                          xy_.data() + count};
+    const int of_row = HWY_DYNAMIC_DISPATCH(strengthRow)(row, found, strength.row(y), strength.marks(y));
     std::fill_n(rows_.begin() + count, of_row, y);
     count += of_row;
     if (count < kGathered && (y + 2 < height || count == 0)) continue;
-    HWY_DYNAMIC_DISPATCH(scorePixels)(flanks, columns_.data(), rows_.data(), count, strength.row(0), stride);
+    const LineBends all{columns_.data(), middle_.data(), difference_.data(), xy_.data()};
+    HWY_DYNAMIC_DISPATCH(scorePixels)(flanks, all, rows_.data(), count, strength.row(0), stride);
     count = 0;
   }
 }

@@ -16,6 +16,13 @@ struct StrengthRow {
   float sigma, reach;
 };
 
+/// Pixels of lines, one after the other: the column of each, its value, and how the image bends there, half of xx - yy
+/// and xy. There is room for a vector behind them.
+struct LineBends {
+  int* columns;
+  float *middle, *difference, *xy;
+};
+
 /// The pixels of a plane.
 struct FlankPixels {
   const float* values;
@@ -57,7 +64,7 @@ class ScaleLineFinder {
 
  private:
   std::vector<int> columns_, rows_;
-  std::vector<float> threshold_;
+  std::vector<float> threshold_, middle_, difference_, xy_;
 };
 
 }  // namespace angio::imaging
