@@ -9,6 +9,7 @@
 #include "angio/imaging/extractor.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/random.hpp"
+#include "area_resampler.hpp"
 #include "field_outline.hpp"
 #include "finer_lines.hpp"
 #include "line_metrics.hpp"
@@ -45,6 +46,23 @@ TEST(RowsInside, AreWithinTheImage) {
     empty += row.begin == row.end ? 1 : 0;
   }
   EXPECT_GT(empty, 20);
+}
+
+// Shrunk a little, to what vectors of neighbours hold, and by more.
+TEST(AreaResampler, IsWhatOpenCvsAreasAre) {
+  imaging::AreaResampler shrink;
+  imaging::Plane shrunk;
+  for (const int depth : {CV_8U, CV_16U}) {
+    cv::Mat image(301, 397, depth), expected;
+    cv::theRNG().state = 5;
+    cv::randu(image, 0, 255);
+    for (const cv::Size size : {cv::Size(397, 301), cv::Size(275, 209), cv::Size(199, 151), cv::Size(62, 47)}) {
+      shrink(image, size, shrunk);
+      image.convertTo(expected, CV_32F);
+      cv::resize(expected, expected, size, 0, 0, cv::INTER_AREA);
+      EXPECT_LT(cv::norm(shrunk.mat(), expected, cv::NORM_INF), 1e-2) << size;
+    }
+  }
 }
 
 // Lines in some rows of an image whose size fills no vectors, and other lines in the next image.

@@ -52,7 +52,8 @@ void sumGrey8(const WeighedRows& from, float* to) { sumGrey<std::uint8_t>(from, 
 
 void sumGrey16(const WeighedRows& from, float* to) { sumGrey<std::uint16_t>(from, to); }
 
-// New pixels of a row, whole vectors of them.
+// New pixels of a row, whole vectors of them. Where an image is shrunk to no less than half, what a vector takes lies
+// in two vectors, and is picked out of them: to gather it takes ten times as long.
 void shrinkRow(const float* from, const int* first, const float* weight, int taps, int stride, int count, float* to) {
   const FloatTag d;
   const hn::Rebind<std::int32_t, decltype(d)> whole;
@@ -60,6 +61,19 @@ void shrinkRow(const float* from, const int* first, const float* weight, int tap
   for (int i = 0; i < count; i += lanes) {
     const auto place = hn::LoadU(whole, first + i);
     auto sum = hn::Zero(d);
+    if (first[i + lanes - 1] - first[i] < 2 * lanes) {
+      const auto away = hn::Sub(place, hn::Set(whole, first[i]));
+      const auto lane = hn::IndicesFromVec(d, hn::And(away, hn::Set(whole, lanes - 1)));
+      const auto is_near = hn::RebindMask(d, hn::Lt(away, hn::Set(whole, lanes)));
+      for (int k = 0; k < taps; ++k) {
+        const float* const here = from + first[i] + k;
+        const auto values = hn::IfThenElse(is_near, hn::TableLookupLanes(hn::LoadU(d, here), lane),
+                                           hn::TableLookupLanes(hn::LoadU(d, here + lanes), lane));
+        sum = hn::MulAdd(hn::LoadU(d, weight + k * stride + i), values, sum);
+      }
+      hn::StoreU(sum, d, to + i);
+      continue;
+    }
     for (int k = 0; k < taps; ++k) {
       sum = hn::MulAdd(hn::LoadU(d, weight + k * stride + i), hn::GatherIndex(d, from + k, place), sum);
     }
@@ -88,7 +102,8 @@ void AreaResampler::prepare(Axis& axis, int from, int to) {
   axis.to = to;
   axis.taps = static_cast<int>(std::ceil(step)) + 1;
   axis.stride = to + Plane::kSlack;
-  axis.first.assign(axis.stride, 0);
+  // What fills the last vector is near to its pixels.
+  axis.first.assign(axis.stride, static_cast<int>((to - 1) * step));
   axis.weight.assign(static_cast<std::size_t>(axis.stride) * axis.taps, 0);
   for (int i = 0; i < to; ++i) {
     const double begin = i * step, end = std::min((i + 1) * step, static_cast<double>(from));
@@ -104,7 +119,8 @@ void AreaResampler::operator()(const cv::Mat& image, const cv::Size& size, Plane
   prepare(across_, image.cols, size.width);
   prepare(down_, image.rows, size.height);
   to.resize(size.width, size.height);
-  row_.resize(static_cast<std::size_t>(image.cols) + across_.taps);  // The last taps weigh nothing, but are read.
+  // The last taps weigh nothing, but are read, and vectors are read past them.
+  row_.resize(static_cast<std::size_t>(image.cols) + across_.taps + Plane::kSlack);
   for (int y = 0; y < size.height; ++y) {
     rows_.clear();
     weights_.clear();
