@@ -20,17 +20,24 @@ namespace {
 
 TEST(Quantile, IsWhatSortingFinds) {
   test::Random random(1);
-  for (int count = 1; count < 70; ++count) {
-    std::vector<float> values;
-    // Ties, zeros and both signs, from very small to large.
-    for (int i = 0; i < count; ++i) {
-      const double size = std::pow(10.0, random.uniform(-20, 5)) * (random.uniform(0, 1) < 0.5 ? -1 : 1);
-      values.push_back(i % 5 == 4 ? values[i / 2] : i % 7 == 3 ? 0.0f : static_cast<float>(size));
-    }
-    std::vector<float> sorted = values;
-    std::sort(sorted.begin(), sorted.end());
-    for (int place = 0; place < count; ++place) {
-      ASSERT_EQ(imaging::valueAt(static_cast<std::size_t>(place), values), sorted[place]) << count;
+  enum class Values { kFar, kAlike, kAlikeAndNegative };
+  for (const Values kind : {Values::kFar, Values::kAlike, Values::kAlikeAndNegative}) {
+    for (int count = 1; count < 70; ++count) {
+      std::vector<float> values;
+      // Ties and, in values that are far apart, zeros and both signs, from very small to large.
+      for (int i = 0; i < count; ++i) {
+        const double far = std::pow(10.0, random.uniform(-20, 5)) * (random.uniform(0, 1) < 0.5 ? -1 : 1);
+        const double alike = random.uniform(2.5, 3.5) * (kind == Values::kAlike ? 1 : -1);
+        const bool is_zero = kind == Values::kFar && i % 7 == 3;
+        values.push_back(i % 5 == 4 ? values[i / 2]
+                         : is_zero  ? 0.0f
+                                    : static_cast<float>(kind == Values::kFar ? far : alike));
+      }
+      std::vector<float> sorted = values;
+      std::sort(sorted.begin(), sorted.end());
+      for (int place = 0; place < count; ++place) {
+        ASSERT_EQ(imaging::valueAt(static_cast<std::size_t>(place), values), sorted[place]) << count;
+      }
     }
   }
 }
