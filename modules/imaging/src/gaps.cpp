@@ -66,6 +66,7 @@ class GapClosing {
         const FreeEnd &a = ends_[i], &b = ends_[j];
         if (a.branch == b.branch) continue;
         const cv::Point2f between = b.position - a.position;
+        if (std::max(std::abs(between.x), std::abs(between.y)) > max_gap_) continue;
         const float distance = static_cast<float>(cv::norm(between));
         if (distance > max_gap_ || distance < 1e-3f) continue;
         const float from = a.outwards.dot(between) / distance, to = -b.outwards.dot(between) / distance;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "angio/base/groups.hpp"
 #include "line_density.hpp"
@@ -76,12 +77,45 @@ float unevennessOf(const CentreLine& line, float radius) {
   return medianOf(off) / radius;
 }
 
+// Some points of a line that follow each other, and the box that they lie in: most lines' points are far from most
+// ends.
+struct Piece {
+  const cv::Point2f *begin, *end;
+  float left, top, right, bottom;
+
+  // Whether none of them is nearer to a place than that. The margin is for what sums of squares are rounded by.
+  bool isFurther(const cv::Point2f& place, float distance2) const {
+    constexpr float kMargin = 1e-3f;
+    const float dx = std::max({left - place.x, place.x - right, 0.0f});
+    const float dy = std::max({top - place.y, place.y - bottom, 0.0f});
+    return dx * dx + dy * dy > (1 + kMargin) * distance2 + kMargin;
+  }
+};
+
+std::vector<Piece> piecesOf(const Polyline& line) {
+  constexpr std::size_t kPoints = 16;
+  std::vector<Piece> pieces;
+  for (std::size_t first = 0; first < line.size(); first += kPoints) {
+    const cv::Point2f* const begin = line.data() + first;
+    Piece piece{begin, line.data() + std::min(first + kPoints, line.size()), begin->x, begin->y, begin->x, begin->y};
+    for (const cv::Point2f* p = begin; p != piece.end; ++p) {
+      piece.left = std::min(piece.left, p->x);
+      piece.right = std::max(piece.right, p->x);
+      piece.top = std::min(piece.top, p->y);
+      piece.bottom = std::max(piece.bottom, p->y);
+    }
+    pieces.push_back(piece);
+  }
+  return pieces;
+}
+
 // What the vessels of an image are like, and how its lines hang together.
 class Surroundings {
  public:
   Surroundings(const std::vector<CentreLine>& lines, float side) : lines_(lines), side_(side) {
     for (const CentreLine& line : lines) {
       boxes_.push_back(cv::boundingRect(line.line));
+      pieces_.push_back(piecesOf(line.line));
       lengths_.push_back(lengthOf(line));
       radii_.push_back(medianOf(line.radius));
       contrasts_.push_back(medianOf(line.contrast));
@@ -161,10 +195,12 @@ class Surroundings {
       group.shown += lengths_[i] * std::min(contrasts_[i] / strong_contrast_, 1.0f);
       if (group.shown > groups_[tree_].shown) tree_ = root_[i];
     }
+    std::vector<float> group_lengths;
+    for (const std::size_t root : root_) group_lengths.push_back(groups_[root].length);
     for (std::size_t own = 0; own < lines_.size(); ++own) {
-      Group& group = groups_[root_[own]];
+      float& gap = groups_[root_[own]].gap;
       for (std::size_t other = 0; other < lines_.size(); ++other) {
-        if (groups_[root_[other]].length > group.length) group.gap = endDistance(own, other, group.gap);
+        if (group_lengths[other] > group_lengths[own]) gap = endDistance(own, other, gap);
       }
     }
   }
@@ -186,16 +222,24 @@ class Surroundings {
            p.y <= box.y + box.height + most;
   }
 
-  // Which others each line's ends may be near to: most are not.
+  // Which others each line's ends may be near to, in ascending order: most are not.
   void findNear() {
     static_assert(kHolds <= kJoined);
     near_.resize(lines_.size());
+    std::vector<std::pair<cv::Point2f, std::size_t>> ends;  // From left to right, and whose they are.
     for (std::size_t own = 0; own < lines_.size(); ++own) {
-      const cv::Point2f &first = lines_[own].line.front(), &last = lines_[own].line.back();
-      for (std::size_t other = 0; other < lines_.size(); ++other) {
-        if (other != own && (isNear(first, other, kJoined) || isNear(last, other, kJoined))) {
-          near_[own].push_back(other);
-        }
+      ends.emplace_back(lines_[own].line.front(), own);
+      ends.emplace_back(lines_[own].line.back(), own);
+    }
+    std::sort(ends.begin(), ends.end(), [](const auto& a, const auto& b) { return a.first.x < b.first.x; });
+    for (std::size_t other = 0; other < lines_.size(); ++other) {
+      const float left = boxes_[other].x - kJoined, right = boxes_[other].x + boxes_[other].width + kJoined;
+      const auto first =
+          std::lower_bound(ends.begin(), ends.end(), left, [](const auto& end, float x) { return end.first.x < x; });
+      for (auto end = first; end != ends.end() && end->first.x <= right; ++end) {
+        std::vector<std::size_t>& near = near_[end->second];
+        if (end->second == other || !isNear(end->first, other, kJoined)) continue;
+        if (near.empty() || near.back() != other) near.push_back(other);
       }
     }
   }
@@ -205,7 +249,12 @@ class Surroundings {
     for (const cv::Point2f& end : {lines_[own].line.front(), lines_[own].line.back()}) {
       if (!isNear(end, other, most)) continue;
       float least2 = most * most;
-      for (const cv::Point2f& p : lines_[other].line) least2 = std::min(least2, (p - end).dot(p - end));
+      for (const Piece& piece : pieces_[other]) {
+        if (piece.isFurther(end, least2)) continue;
+        for (const cv::Point2f* p = piece.begin; p != piece.end; ++p) {
+          least2 = std::min(least2, (*p - end).dot(*p - end));
+        }
+      }
       most = std::sqrt(least2);
     }
     return most;
@@ -225,6 +274,7 @@ class Surroundings {
   const std::vector<CentreLine>& lines_;
   float side_;
   std::vector<cv::Rect2f> boxes_;
+  std::vector<std::vector<Piece>> pieces_;
   std::vector<float> lengths_, radii_, contrasts_;  // Medians.
   std::vector<std::vector<std::size_t>> near_;
   float strong_contrast_ = 1, usual_density_ = 1;

@@ -117,8 +117,10 @@ void RidgeFitting::fitAlong(const SkeletonGraph& graph, const RidgeScales& scale
   const std::size_t n = track.line.size();
   // Where vessels cross, one alone cannot be fitted.
   const auto hidden = [&](const cv::Point2f& p) {
-    return others == Others::kStay && std::any_of(graph.crossings.begin(), graph.crossings.end(),
-                                                  [&](const auto& c) { return cv::norm(p - c.position) < c.radius; });
+    return others == Others::kStay && std::any_of(graph.crossings.begin(), graph.crossings.end(), [&](const auto& c) {
+             const cv::Point2f to = p - c.position;
+             return std::max(std::abs(to.x), std::abs(to.y)) < c.radius && cv::norm(to) < c.radius;
+           });
   };
   line.fits.resize(n);
   for (std::size_t i = 0; i < n; i += kFitEvery) {

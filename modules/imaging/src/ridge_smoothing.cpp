@@ -52,6 +52,9 @@ void RidgeFitting::average(Fitted& line) {
   const auto n = static_cast<std::ptrdiff_t>(points.size());
   std::vector<Point> averaged(points.size());
   static const Bell bell;
+  // Each fit is asked for its weight by many points.
+  std::vector<float> weight(points.size());
+  for (std::ptrdiff_t j = 0; j < n; j += kFitEvery) weight[j] = points[j].valid ? points[j].weight() : 0;
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     const float sigma = std::max(kFitFilter, kFitRadii * track.radius[i]);
     averaged[i].radius = averaged[i].sigma = track.radius[i];  // Far from every fit nothing better is known.
@@ -66,7 +69,7 @@ void RidgeFitting::average(Fitted& line) {
         if (!p.valid) continue;
         const float near = bell(static_cast<float>(std::abs(j - i)) * per_point);
         mean.bias += near * p.bias;
-        const float sure = near * p.weight();
+        const float sure = near * weight[j];
         total += sure;
         variance += sure * p.sigma * p.sigma;
         weights += near;
