@@ -12,6 +12,7 @@
 #include "area_resampler.hpp"
 #include "field_outline.hpp"
 #include "finer_lines.hpp"
+#include "largest_region.hpp"
 #include "line_metrics.hpp"
 #include "quantile.hpp"
 
@@ -70,6 +71,33 @@ TEST(AreaResampler, IsWhatOpenCvsAreasAre) {
       EXPECT_LT(cv::norm(shrunk.mat(), expected, cv::NORM_INF), 1e-2) << size;
     }
   }
+}
+
+TEST(LargestRegion, IsWhatOpenCvFinds) {
+  const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5});
+  cv::theRNG().state = 7;
+  int seen = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    cv::Mat noise(60 + trial, 71, CV_32F), opened, labels, stats, centroids;
+    cv::randn(noise, 0, 1);
+    cv::GaussianBlur(noise, noise, {}, 1 + trial % 4);
+    const cv::Mat mask = noise > (trial % 3 - 1) * 0.05;
+    cv::morphologyEx(mask, opened, cv::MORPH_OPEN, disc, {-1, -1}, 1, cv::BORDER_REPLICATE);
+    ASSERT_EQ(cv::norm(imaging::openedByDisc(mask), opened, cv::NORM_INF), 0);
+    const cv::Mat region = imaging::largestRegion(opened);
+    const int count = cv::connectedComponentsWithStats(opened, labels, stats, centroids, 4, CV_32S);
+    if (count == 1) {
+      EXPECT_TRUE(region.empty());
+      continue;
+    }
+    int largest = 1;
+    for (int label = 2; label < count; ++label) {
+      if (stats.at<int>(label, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = label;
+    }
+    ASSERT_EQ(cv::norm(region, labels == largest, cv::NORM_INF), 0);
+    ++seen;
+  }
+  EXPECT_GT(seen, 20);
 }
 
 // Lines in some rows of an image whose size fills no vectors, and other lines in the next image.

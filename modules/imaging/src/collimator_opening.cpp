@@ -7,6 +7,7 @@
 
 #include "area_resampler.hpp"
 #include "field_outline.hpp"
+#include "largest_region.hpp"
 #include "quantile.hpp"
 #include "xray_image.hpp"
 
@@ -41,20 +42,6 @@ std::vector<float> rimOf(const cv::Mat& small) {
   return rim;
 }
 
-// The largest region above the level, without specks.
-cv::Mat largestOpen(const cv::Mat& small, float level) {
-  cv::Mat open = small > level, labels, stats, centroids;
-  const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5});
-  cv::morphologyEx(open, open, cv::MORPH_OPEN, disc, {-1, -1}, 1, cv::BORDER_REPLICATE);
-  const int count = cv::connectedComponentsWithStats(open, labels, stats, centroids, 4, CV_32S);
-  int largest = 0;
-  for (int label = 1; label < count; ++label) {
-    const int area = stats.at<int>(label, cv::CC_STAT_AREA);
-    if (largest == 0 || area > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = label;
-  }
-  return largest > 0 ? cv::Mat(labels == largest) : cv::Mat();
-}
-
 double filledArea(const cv::Mat& region) {
   std::vector<std::vector<cv::Point>> contours;
   cv::findContours(region, contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
@@ -76,13 +63,11 @@ std::vector<cv::Point2f> outermost(const cv::Mat& small, const cv::Mat& region, 
   };
   const auto scan = [&](int lines, int length, bool rows) {
     for (int line = 0; line < lines; ++line) {
-      int first = -1, last = -1;
-      for (int i = 0; i < length; ++i) {
-        if (region.at<std::uint8_t>(rows ? line : i, rows ? i : line) == 0) continue;
-        if (first < 0) first = i;
-        last = i;
-      }
-      if (first < 0) continue;
+      const auto isIn = [&](int i) { return region.at<std::uint8_t>(rows ? line : i, rows ? i : line) != 0; };
+      int first = 0, last = length - 1;
+      while (first < length && !isIn(first)) ++first;
+      if (first == length) continue;
+      while (!isIn(last)) --last;
       const float at = static_cast<float>(line);
       const float from =
           static_cast<float>(first) - (rows ? crossing(first, line, -1, 0) : crossing(line, first, 0, -1));
@@ -133,7 +118,7 @@ std::vector<cv::Point2f> darkFramed(const cv::Mat& small) {
   for (const float below : kLevels) {
     const float level = patient - below;
     if (level < shadow + 0.5f * kRise) break;
-    const cv::Mat region = largestOpen(small, level);
+    const cv::Mat region = largestRegion(openedByDisc(small > level));  // Without specks.
     if (region.empty()) continue;
     std::vector<cv::Point2f> hull, polygon;
     cv::convexHull(outermost(small, region, level), hull);
