@@ -33,8 +33,10 @@ constexpr float kFinerPart = 0.9f;
 
 constexpr int kBlock = LinePlane::kBlock;
 
-// A row of a LinePlane and its marks, and its lines' pixels, in whole vectors of them; returns how many.
-int strengthRow(const StrengthRow& row, const LineBends& found, float* to, std::uint8_t* marks) {
+// A row of a LinePlane and its marks, and its lines' columns, in whole vectors of them; returns how many.
+int strengthRow(const StrengthRow& of, const RowLines& into, float* to, std::uint8_t* marks) {
+  const StrengthRow row = of;  // Of one's own: nothing that is written can be part of it.
+  const RowLines found = into;
   const FloatTag d;
   const hn::RebindToSigned<FloatTag> whole;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -82,9 +84,8 @@ int strengthRow(const StrengthRow& row, const LineBends& found, float* to, std::
       // processors.
       const auto packed = hn::RebindMask(whole, line);
       hn::StoreU(hn::Compress(column, packed), whole, found.columns + count);
-      hn::StoreU(hn::Compress(middle, line), d, found.middle + count);
-      hn::StoreU(hn::Compress(difference, line), d, found.difference + count);
-      hn::StoreU(hn::Compress(xy, line), d, found.xy + count);
+      hn::StoreU(difference, d, found.row_difference + i);
+      hn::StoreU(xy, d, found.row_xy + i);
       count += static_cast<int>(hn::CountTrue(whole, packed));
     }
     if ((i + lanes) % kBlock == 0 || i + lanes >= row.width) mark = count > of_block ? 1 : 0;
@@ -200,7 +201,7 @@ void ScaleLineFinder::operator()(const SmoothedImage& image, float reach, const 
   if (height < 3) return;
   const std::size_t most = static_cast<std::size_t>(kGathered) + static_cast<std::size_t>(width) + 2 * Plane::kSlack;
   for (auto* places : {&columns_, &rows_}) places->assign(most, 1);
-  for (auto* bends : {&middle_, &difference_, &xy_}) bends->resize(most);
+  for (auto* bends : {&middle_, &difference_, &xy_, &row_difference_, &row_xy_}) bends->resize(most);
   threshold_.resize(static_cast<std::size_t>(width) + Plane::kSlack);
   FlankImages flanks{pixelsOf(values), {nullptr, 0, 0, 0}, 1, image.sigma};
   if (finer != nullptr) {
@@ -217,11 +218,15 @@ void ScaleLineFinder::operator()(const SmoothedImage& image, float reach, const 
     const float* near = finer != nullptr ? finer->lines.row(y) : nullptr;
     const StrengthRow row{values.row(y - 1), values.row(y), values.row(y + 1), threshold_.data(), near, width,
                           image.sigma,       reach};
-    const LineBends found{columns_.data() + count, middle_.data() + count, difference_.data() + count,
-                          xy_.data() + count};
+    const RowLines found{columns_.data() + count, row_difference_.data(), row_xy_.data()};
     const int of_row = HWY_DYNAMIC_DISPATCH(strengthRow)(row, found, strength.row(y), strength.marks(y));
-    std::fill_n(rows_.begin() + count, of_row, y);
-    count += of_row;
+    for (const int end = count + of_row; count < end; ++count) {
+      const int x = columns_[count];
+      rows_[count] = y;
+      middle_[count] = row.here[x];
+      difference_[count] = row_difference_[x];
+      xy_[count] = row_xy_[x];
+    }
     if (count < kGathered && (y + 2 < height || count == 0)) continue;
     const LineBends all{columns_.data(), middle_.data(), difference_.data(), xy_.data()};
     HWY_DYNAMIC_DISPATCH(scorePixels)(flanks, all, rows_.data(), count, strength.row(0), stride);

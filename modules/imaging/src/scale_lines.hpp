@@ -16,11 +16,18 @@ struct StrengthRow {
   float sigma, reach;
 };
 
-/// Pixels of lines, one after the other: the column of each, its value, and how the image bends there, half of xx - yy
-/// and xy. There is room for a vector behind them.
-struct LineBends {
+/// The lines of a row: the column of each of their pixels, one after the other, and how the image bends at each of
+/// them, in its own column: half of xx - yy and xy. There is room for a vector behind them.
+struct RowLines {
   int* columns;
-  float *middle, *difference, *xy;
+  float *row_difference, *row_xy;
+};
+
+/// Pixels of lines, one after the other: the column of each, its value, and how the image bends there. There is room
+/// for a vector behind them.
+struct LineBends {
+  const int* columns;
+  const float *middle, *difference, *xy;
 };
 
 /// The pixels of a plane.
@@ -64,7 +71,7 @@ class ScaleLineFinder {
 
  private:
   std::vector<int> columns_, rows_;
-  std::vector<float> threshold_, middle_, difference_, xy_;
+  std::vector<float> threshold_, middle_, difference_, xy_, row_difference_, row_xy_;
 };
 
 }  // namespace angio::imaging
