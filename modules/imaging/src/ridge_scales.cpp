@@ -82,8 +82,13 @@ void RidgeScales::smooth(const Plane& image, int level, const RowsBefore& makeRo
   }
   for (int y = 0; y < height; ++y) {
     makeRows(std::min(height, y + reach + 1));
+    // Scales become wider: two at a time.
+    std::size_t k = 0;
+    for (; k + 1 < own.size(); k += 2) {
+      own[k]->filter.row(image, y, own[k]->smoothed.row(y), own[k + 1]->filter, own[k + 1]->smoothed.row(y));
+    }
+    if (k < own.size()) own[k]->filter.row(image, y, own[k]->smoothed.row(y));
     for (Scale* scale : own) {
-      scale->filter.row(image, y, scale->smoothed.row(y));
       if (y >= 2) scale->sampled.addRow(scale->smoothed, y - 1);
     }
     if (next != nullptr && y % 2 == 0) halving_.row(image, y, next->row(y / 2));
@@ -103,7 +108,7 @@ void RidgeScales::gatherFiner(int index) {
   }
   Level& level = levels_[scale.level];
   if (index == static_cast<int>(kSharper)) {
-    level.finer = *fresh;
+    fresh == &level.pooled ? std::swap(level.finer, level.pooled) : void(level.finer = *fresh);
   } else {
     for (int l = scales_[index - 1].level; l < scale.level; ++l) largest_.halve(levels_[l].finer, levels_[l + 1].finer);
     takeLarger(*fresh, level.finer);
