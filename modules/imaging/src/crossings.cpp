@@ -212,6 +212,7 @@ void settleRadii(SkeletonGraph& graph, const cv::Mat& radius) {
   const auto settle = [&](int n, const Branch& branch, bool at_begin) {
     if (n < 0) return;
     std::vector<float> near;
+    near.reserve(12);
     for (std::size_t i = kAway; i < std::min(branch.line.size(), kAway + 12); ++i) {
       const cv::Point2f p = branch.line[at_begin ? i : branch.line.size() - 1 - i];
       const float r = nearestPixel(radius, p);

@@ -148,6 +148,7 @@ class GapClosing {
 
   int nearestOwner(const cv::Point2f& p, int own) const {
     const cv::Point middle = pixelOf(p);
+    if (owners_.noneAround(middle)) return LineOwners::kNone;
     for (int dy = -1; dy <= 1; ++dy) {
       for (int dx = -1; dx <= 1; ++dx) {
         const int owner = owners_.at(middle + cv::Point(dx, dy));

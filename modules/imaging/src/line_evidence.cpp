@@ -197,7 +197,9 @@ class Surroundings {
     }
     std::vector<float> group_lengths;
     for (const std::size_t root : root_) group_lengths.push_back(groups_[root].length);
+    const float longest = *std::max_element(group_lengths.begin(), group_lengths.end());
     for (std::size_t own = 0; own < lines_.size(); ++own) {
+      if (group_lengths[own] == longest) continue;
       float& gap = groups_[root_[own]].gap;
       for (std::size_t other = 0; other < lines_.size(); ++other) {
         if (group_lengths[other] > group_lengths[own]) gap = endDistance(own, other, gap);

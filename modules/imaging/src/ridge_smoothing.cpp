@@ -87,7 +87,8 @@ void RidgeFitting::average(Fitted& line) {
       to.bias = mean.bias / weights;
       // Noise is the same over some pixels along the line as well: averaging gains less than the number of fits.
       const float independent = std::max(1.0f, weights * weights / weights2 * kFitEvery / kCorrelation);
-      to.sigma = std::hypot(widening * std::sqrt(variance / total / independent + kModelSigma * kModelSigma), to.bias);
+      const double sigma_found = widening * std::sqrt(variance / total / independent + kModelSigma * kModelSigma);
+      to.sigma = static_cast<float>(std::sqrt(sigma_found * sigma_found + static_cast<double>(to.bias) * to.bias));
       break;
     }
   }

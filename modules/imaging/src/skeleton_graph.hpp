@@ -91,6 +91,17 @@ class LineOwners {
     drawn_.push_back(p);
   }
 
+  /// Whether nothing is drawn at a pixel and around it, as far as that does not need the edge to be looked at.
+  bool noneAround(const cv::Point& p) const {
+    if (p.x < 1 || p.y < 1 || p.x + 1 >= owner_.cols || p.y + 1 >= owner_.rows) return false;
+    int all = kNone;  // Has all bits.
+    for (int dy = -1; dy <= 1; ++dy) {
+      const int* const row = owner_.ptr<int>(p.y + dy) + p.x;
+      all &= row[-1] & row[0] & row[1];
+    }
+    return all == kNone;
+  }
+
   /// kNone beyond the edge, too.
   int at(const cv::Point& p) const { return contains(p) ? owner_.at<int>(p) : kNone; }
 
