@@ -10,35 +10,44 @@ namespace {
 constexpr double kSpacing_m = 1e-3;
 constexpr float kLine = 0.4f;     // Of a catheter's contrast: below, there is rather none.
 constexpr float kMaxLine = 0.6f;  // Nats a millimetre, at most for or against.
-constexpr float kStiff = 0.5f;    // Nats for a displacement that changes by a step a millimetre.
+constexpr float kStiff = 0.5f;    // Nats for a displacement that changes by a step a millimetre, by its square ...
+constexpr float kAskew = 0.25f;   // ... and in a wide vessel for each further step: a bent tip lies across it.
 constexpr float kOutside = 20;    // Nats for each millimetre outside of the lumen, squared.
 constexpr int kHop = 2;           // Steps of displacement from place to place, at most.
+constexpr int kWideHop = 5;       // The same in a wide vessel: 60 deg to its axis.
+constexpr int kWideReach = 16;    // Steps: a vessel of 5 mm radius.
 constexpr int kMinReach = 8;      // Steps: what a pose that is a little off needs in the narrowest vessel.
 
 using Scores = TreeViterbi::Scores;
 
+// What it costs that a displacement changes by `d` steps from one place to the next.
+float price(int d, bool wide) {
+  const auto steps = static_cast<float>(std::abs(d));
+  return wide && steps > 1 ? kStiff + kAskew * (steps - 1) : kStiff * steps * steps;
+}
+
 // Adds to `scores` the best of all displacements from which one comes there, less what the change costs; one axis after
 // the other. `across` is room for the work.
-void addCarried(const Scores& from, Scores& across, Scores& scores) {
+void addCarried(const Scores& from, bool wide, Scores& across, Scores& scores) {
   const Eigen::Index side = from.rows();
-  const auto price = [](int d) { return kStiff * static_cast<float>(d * d); };
+  const int hop = wide ? kWideHop : kHop;
   across = from;
-  for (int d = 1; d <= kHop; ++d) {
+  for (int d = 1; d <= hop; ++d) {
     const Eigen::Index n = side - d;
-    across.leftCols(n).array() = across.leftCols(n).array().max(from.rightCols(n).array() - price(d));
-    across.rightCols(n).array() = across.rightCols(n).array().max(from.leftCols(n).array() - price(d));
+    const float costs = price(d, wide);
+    across.leftCols(n).array() = across.leftCols(n).array().max(from.rightCols(n).array() - costs);
+    across.rightCols(n).array() = across.rightCols(n).array().max(from.leftCols(n).array() - costs);
   }
   for (Eigen::Index y = 0; y < side; ++y) {
-    const float* const in = across.col(y).data();
-    float* const out = scores.col(y).data();
-    for (Eigen::Index x = 0; x < side; ++x) {
-      float most = in[x];
-      for (int d = 1; d <= kHop; ++d) {
-        if (x >= d) most = std::max(most, in[x - d] - price(d));
-        if (x + d < side) most = std::max(most, in[x + d] - price(d));
-      }
-      out[x] += most;
+    const auto in = across.col(y).array();
+    Eigen::ArrayXf best = in;
+    for (int d = 1; d <= hop; ++d) {
+      const Eigen::Index n = side - d;
+      const float costs = price(d, wide);
+      best.head(n) = best.head(n).max(in.tail(n) - costs);
+      best.tail(n) = best.tail(n).max(in.head(n) - costs);
     }
+    scores.col(y).array() += best;
   }
 }
 
@@ -133,6 +142,7 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
   step_px_ = static_cast<float>(kStep_m * px_per_m);
   reach_ = reach(area);
   side_ = 2 * reach_ + 1;
+  wide_ = reach_ > kWideReach;
   const auto count = area.places.size();
   steps_.resize(count);
   scores_.resize(count);
@@ -156,13 +166,14 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
       const Eigen::Vector2f p = at(static_cast<int>(k), u);
       const float here = pixel(p);
       dark_[k].data()[u] = here;
-      const float between = parent >= 0 ? pixel(p + half) : here;
+      // A line askew is not where its displacement stays.
+      const float between = parent >= 0 && !wide_ ? pixel(p + half) : here;
       const auto worth = [&](float value) { return std::clamp(per_level * value - kLine, -kMaxLine, kMaxLine); };
       const double beside_m = kStep_m * std::hypot(u % side_ - reach_, u / side_ - reach_);
       const auto outside = static_cast<float>(1e3 * std::max(beside_m - room_m, 0.0));
       own.data()[u] = 0.5f * (worth(here) + worth(between)) - kOutside * outside * outside;
     }
-    if (parent >= 0) addCarried(scores_[parent], across_, own);
+    if (parent >= 0) addCarried(scores_[parent], wide_, across_, own);
     steps_[k] = parent >= 0 ? steps_[parent] + 1 : 1;
   }
 }
@@ -181,11 +192,12 @@ std::vector<Eigen::Vector2d> TreeViterbi::backFrom(int k, int u) const {
     if (parent < 0) break;
     const int x = u % side_, y = u / side_;
     float most = -1e30f;
-    for (int dx = -kHop; dx <= kHop; ++dx) {
-      for (int dy = -kHop; dy <= kHop; ++dy) {
+    const int hop = wide_ ? kWideHop : kHop;
+    for (int dx = -hop; dx <= hop; ++dx) {
+      for (int dy = -hop; dy <= hop; ++dy) {
         if (x + dx < 0 || y + dy < 0 || x + dx >= side_ || y + dy >= side_) continue;
         const int from = x + dx + side_ * (y + dy);
-        const float value = scores_[parent].data()[from] - kStiff * static_cast<float>(dx * dx + dy * dy);
+        const float value = scores_[parent].data()[from] - price(dx, wide_) - price(dy, wide_);
         if (value > most) most = value, u = from;
       }
     }

@@ -70,6 +70,7 @@ class TreeViterbi {
   const Eigen::Matrix2Xf* px_ = nullptr;
   float step_px_ = 1;
   int reach_ = 0, side_ = 1;  // Steps; displacements along an axis.
+  bool wide_ = false;         // A vessel of the area is so wide that a tip lies across it.
   double slack_m_;
   std::vector<Scores> scores_, dark_;
   Scores across_;
