@@ -174,6 +174,52 @@ TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHa
   }
 }
 
+// A loose tip that has missed a fork is turned by 135 deg from try to try, so that eight tries are 45 deg apart; where
+// a wall holds it, it is bent more at the same turn instead.
+TEST_F(NavigatorTest, TurnsOrBendsALooseTipFurtherFromTryToTry) {
+  const std::vector<int> route = map.pathTo(target);
+  const int first = route[0];
+  const std::vector<int>& parted = map.children(first);
+  const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
+  const TipBelief before = *inputAt(map, {first, map.length_m(first) - 19e-3}).belief;
+  const TipBelief near = *inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
+  const TipBelief beside = *inputAt(map, {other, 8e-3}).belief;
+  NavigationInput input = inputAt(map, {first, map.length_m(first) - 12e-3});
+  showLooseTip(navigator, input);
+  NavigationAnswer answer;
+  const auto stepUntil = [&](NavigationState state) {
+    for (int i = 0; i < 200 && answer.state != state; ++i) {
+      answer = navigator.step(input);
+      input.drive.roll_rad += input.period_s * answer.command.roll_speed_rad_per_s;
+      input.drive.bend_rad += input.period_s * answer.command.bend_speed_rad_per_s;
+    }
+    ASSERT_EQ(answer.state, state);
+  };
+  // Missed for the first time; from then on tries go by turns.
+  input.belief = beside;
+  stepUntil(NavigationState::kBackingOff);
+  input.belief = before;
+  stepUntil(NavigationState::kCrossing);
+  for (const bool held : {false, true, true, false}) {
+    input.belief = near;
+    for (int i = 0; i < 5; ++i) answer = navigator.step(input);
+    const double roll_rad = input.drive.roll_rad, bend_rad = input.drive.bend_rad;
+    if (held) {
+      input.drive.insertion_force_n = 2;
+    } else {
+      input.belief = beside;
+    }
+    stepUntil(NavigationState::kBackingOff);
+    EXPECT_EQ(answer.why, held ? "the drive pushes too hard" : "the tip has entered another branch");
+    input.drive.insertion_force_n = 0;
+    input.belief = before;
+    stepUntil(NavigationState::kCrossing);
+    // As near as an aim is: 8 deg.
+    EXPECT_NEAR(input.drive.roll_rad - roll_rad, held ? 0 : degToRad(135), degToRad(17)) << held;
+    EXPECT_EQ(input.drive.bend_rad > bend_rad + degToRad(15), held);
+  }
+}
+
 // What was pulled back is pushed in again before the tip follows: no wall holds it.
 TEST_F(NavigatorTest, ALengthThatWasPulledBackMayBePushedInBeforeTheTipFollows) {
   for (const double pulled_m : {0.0, 10e-3}) {

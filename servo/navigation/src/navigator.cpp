@@ -23,13 +23,15 @@ constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
 constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner walls, and is pushed to the outer first.
 constexpr double kMaxLooseSlack_m = 30e-3;  // The same of a loose one, by what it took to move its tip again.
 constexpr double kMuchSlack_m = 6e-3;
-constexpr double kJump_m = 6e-3;      // Between two frames: more than any command does.
-constexpr double kLeap_m = 5e-3;      // A tip that is seen in another branch would have gone back by so much, and on.
-constexpr double kSurelyLoose = 0.6;  // Looseness from which a catheter is taken for a loose one.
-constexpr double kAimIn = 0.3;        // Of a branch's length: a loose tip is aimed no earlier before its end.
-constexpr double kMoreSlope = 0.1, kMostSlope = 0.6;  // A fork that was missed at a slope takes so much more, at most.
-constexpr int kLooseTriesOfAView = 4;                 // Its views are chosen for their forks.
-constexpr int kTriesInAll = 6;                        // At all forks, times those at one.
+constexpr double kJump_m = 6e-3;       // Between two frames: more than any command does.
+constexpr double kLeap_m = 5e-3;       // A tip that is seen in another branch would have gone back by so much, and on.
+constexpr double kSurelyLoose = 0.6;   // Looseness from which a catheter is taken for a loose one.
+constexpr double kAimOfTip = 0.6;      // Of its length: a tip is aimed no later before a fork.
+constexpr double kAimIn = 0.3;         // Of a branch's length: a loose tip is aimed no earlier before its end.
+constexpr int kLooseTriesOfAView = 4;  // Its views are chosen for their forks.
+constexpr double kAtFork_m = 20e-3;    // What a wall holds further away is not held by the fork.
+constexpr int kMaxHeld = 2;            // Tries with the same turn, each with more bend.
+constexpr int kTriesInAll = 6;         // At all forks, times those at one.
 
 // Of a tip that no wall holds, as a slope.
 double freeSlope(const NavigatorSettings& settings, double bend_rad) {
@@ -255,7 +257,7 @@ NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView
               0);
   }
   // Turned just inside a short branch, a loose tip falls out of it.
-  double aim_m = 1e-3 * settings_.aim_mm;
+  double aim_m = 1e-3 * std::max(settings_.aim_mm, kAimOfTip * settings_.tip_length_mm);
   if (isLoose()) aim_m = std::min(aim_m, kAimIn * map_.length_m(view.branch));
   if (view.to_fork_m <= aim_m) return atFork(input, view);
   const bool slow = view.to_fork_m < 1e-3 * settings_.slow_mm;
@@ -280,7 +282,8 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   searches_ = 0;
   asked_for_side_ = false;
   missed_beside_ = !view.on_route;
-  if (missed_beside_) needed_slope_ = std::min(std::max(needed_slope_, crossed_at_) + kMoreSlope, kMostSlope);
+  const bool at_fork = fresh || (view.next && view.to_fork_m < kAtFork_m);
+  held_ = missed_beside_ || !at_fork || held_ == kMaxHeld ? 0 : held_ + 1;
   why_ = why;
   state_ = NavigationState::kBackingOff;
   const double start_m = map_.start_m(branch), fork_m = start_m + map_.length_m(branch);
@@ -295,7 +298,9 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
 
 NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {
   const double path_m = map_.start_m(input.belief->tip.branch) + input.belief->tip.arc_m;
-  if (path_m <= back_to_m_ && view.on_route) return follow(input, view);
+  if (path_m <= back_to_m_ && view.on_route) {
+    return isLoose() && tries_[view.branch] > 0 ? startTurn(input, view.next) : follow(input, view);
+  }
   // A loose tip that is pulled springs, and sometimes into the branch that it is to go to.
   if (isLoose() && missed_beside_ && hasEntered(input)) return enter(input, view);
   if (path_m <= 1e-3) return follow(input, view);

@@ -18,19 +18,23 @@ namespace {
 // Slopes to the wanted side of a fork, of a loose catheter: enough to cross at once, less half the standard deviation;
 // after an aim; and not enough to go on.
 constexpr double kSureSide = 0.1, kWrongSide = -0.05;
-constexpr double kShown = 0.6;             // Of a length to that side, in the image: less is too little.
-constexpr double kMaxLooseBend_deg = 80;   // Of a loose catheter's tip: bent further it hooks into the wall.
-constexpr double kOfLumen = 2.4;           // Radii that a tip may be deflected by at first.
-constexpr double kHooked_m = 10e-3;        // Of a push that the tip of a loose catheter does not follow.
-constexpr double kOfBest = 0.75;           // Of the best slope of a search that has gone around: enough to cross.
-constexpr double kAround_rad = 2.2 * kPi;  // Of a search.
-constexpr int kMaxSearches = 3;            // In a try.
+constexpr double kShown = 0.6;                // Of a length to that side, in the image: less is too little.
+constexpr double kMaxLooseBend_deg = 80;      // Of a loose catheter's tip: bent further it hooks into the wall.
+constexpr double kOfLumen = 2.4;              // Radii that a tip may be deflected by at first.
+constexpr double kHooked_m = 10e-3;           // Of a push that the tip of a loose catheter does not follow.
+constexpr double kOfBest = 0.75;              // Of the best slope of a search that has gone around: enough to cross.
+constexpr double kAround_rad = 2.2 * kPi;     // Of a search.
+constexpr int kMaxSearches = 1;               // In a try.
+constexpr double kNextTurn_rad = 0.75 * kPi;  // From try to try: eight of them are 45 deg apart.
+constexpr double kMoreBend_rad = 0.7;         // After a wall has held it at the same turn.
+constexpr int kTurns = 8;                     // With a tip that is not bent; then with a bent one.
 
 constexpr double kRollGain_per_s = 2.5;  // With 0.15 s of delay far from swinging.
 constexpr double kMaxAim_s = 8;
 constexpr double kFullLook_rad = 2.2 * kPi;
 constexpr double kLooked_m = 30e-3;         // A tip that has slid further may have turned.
 constexpr double kSureOfWrongBranch = 0.9;  // Probability of a wrong branch that is worth going back at once.
+constexpr double kConfirmIn = 0.5;          // Of the radius of the vessel in front of the fork.
 constexpr double kEntered = 0.8;            // Probability of the wanted branch that is enough to go on.
 constexpr double kMinMargin_rad = 0.1;      // For one aim to serve several forks.
 
@@ -41,6 +45,8 @@ constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5,
 
 // A loose catheter crosses where the image shows its tip on the wanted side. All others look or aim.
 NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
+  turn_to_rad_.reset();
+  if (isLoose() && tries_[view.branch] > 0) return startTurn(input, view.next);
   planNext(*view.next);
   if (isLoose()) {
     const ForkSide side = sideOfForks();
@@ -61,7 +67,7 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
 NavigationAnswer Navigator::startCrossing(const NavigationInput& input, double bend_rad) {
   state_ = NavigationState::kCrossing;
   aim_bend_rad_ = bend_rad;
-  crossed_at_ = sideOfForks().slope;
+  crossed_roll_rad_ = input.drive.roll_rad;
   asked_ahead_ = false;
   since_.reset();
   return go(input, 0, 0, aim_bend_rad_);
@@ -84,9 +90,7 @@ ForkSide Navigator::sideOfForks() const {
   return least;
 }
 
-bool Navigator::standsRight(const ForkSide& side) const {
-  return side.slope - 0.5 * side.std > kSureSide && side.slope > needed_slope_;
-}
+bool Navigator::standsRight(const ForkSide& side) const { return side.slope - 0.5 * side.std > kSureSide; }
 
 // Whether the image shows to which side of the fork in front of `branch` the tip stands.
 bool Navigator::showsSideOf(int branch) const {
@@ -158,6 +162,7 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
   if (searching_) return search(input);
   aimed_s_ += input.period_s;
+  if (turn_to_rad_) return turn(input);
   const double close = degToRad(settings_.angle_deg);
   // Forwards, unless it is just a little too far.
   double left =
@@ -195,11 +200,55 @@ NavigationAnswer Navigator::search(const NavigationInput& input) {
   return go(input, 0, steady_frames_ > 0 ? 0.0 : degToRad(settings_.roll_speed_deg_per_s), aim_bend_rad_);
 }
 
+// A fork that a loose catheter has missed is tried again with its tip turned further, whatever the image shows: 2 to 5
+// of 8 directions lead into most branches of a liver and of an aortic arch, by rods whose true place was known, and
+// they are not always those in which the tip points. Away from forks, where there is no `next`, another side leaves a
+// wall.
+NavigationAnswer Navigator::startTurn(const NavigationInput& input, std::optional<int> next) {
+  double from_rad = input.drive.roll_rad;
+  if (next) {
+    planNext(*next);
+    from_rad = crossed_roll_rad_;
+    if (tries_[*map_.parent(*next)] <= kTurns) aim_bend_rad_ = 0;
+    aim_bend_rad_ = std::min(aim_bend_rad_ + held_ * kMoreBend_rad, degToRad(settings_.max_bend_deg));
+  } else {
+    planned_.reset();
+    aim_bend_rad_ = 0;
+  }
+  // Forwards, unless it is just a little too far.
+  const double left = std::remainder(from_rad + (held_ > 0 ? 0 : kNextTurn_rad) - input.drive.roll_rad, 2 * kPi);
+  turn_to_rad_ = input.drive.roll_rad + (left < -degToRad(settings_.angle_deg) ? left + 2 * kPi : left);
+  state_ = NavigationState::kAiming;
+  searching_ = false;
+  aimed_s_ = 0;
+  return turn(input);
+}
+
+NavigationAnswer Navigator::turn(const NavigationInput& input) {
+  const double close = degToRad(settings_.angle_deg), fastest = degToRad(settings_.roll_speed_deg_per_s);
+  const double left = *turn_to_rad_ - input.drive.roll_rad - input.drive.roll_speed_rad_per_s * input.latency_s;
+  const bool turned = std::abs(left) < close, bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
+  const bool done = (turned && bent) || aimed_s_ > kMaxAim_s;
+  if (done && planned_) {
+    NavigationAnswer answer = startCrossing(input, aim_bend_rad_);
+    crossed_roll_rad_ = *turn_to_rad_;
+    return answer;
+  }
+  if (done) state_ = NavigationState::kFollowing;
+  return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
+}
+
+// How far beyond the parting of branches the tip counts as entered. A loose one stands anywhere in a wide vessel.
+double Navigator::confirm_m(int parent) const {
+  const double confirm_m = 1e-3 * settings_.confirm_mm;
+  return isLoose() ? std::max(confirm_m, kConfirmIn * end_radii_m_[parent]) : confirm_m;
+}
+
 // Whether a belief beside the route is worth going back for.
 bool Navigator::sureOf(const RouteView& view) const {
   const double beyond_m = -view.to_fork_m, parted_m = map_.parting_m(view.branch);
   return beyond_m >= parted_m + 1e-3 * settings_.sure_mm ||
-         (beyond_m >= parted_m + 1e-3 * settings_.confirm_mm && view.beside_probability >= kSureOfWrongBranch);
+         (beyond_m >= parted_m + confirm_m(view.branch) && view.beside_probability >= kSureOfWrongBranch);
 }
 
 // Whether the tip is in the branch that was aimed for, and far enough that it stays there.
@@ -208,8 +257,11 @@ bool Navigator::hasEntered(const NavigationInput& input) const {
   if (!planned_ || !map_.passes(tip.branch, *planned_)) return false;
   const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
   const double parted_m = map_.parting_m(*map_.parent(*planned_));
-  if (beyond_m < std::max(std::min(1e-3 * settings_.confirm_mm, 0.4 * map_.length_m(*planned_)), parted_m))
-    return false;
+  const double confirm = 1e-3 * settings_.confirm_mm, length_m = map_.length_m(*planned_);
+  // Beyond the parting by what a wide vessel asks for more, in a branch that is long enough.
+  const double wide_m = confirm_m(*map_.parent(*planned_)) - confirm;
+  const double parted_here_m = std::max(parted_m, std::min(parted_m + wide_m, 0.8 * length_m));
+  if (beyond_m < std::max(std::min(confirm, 0.4 * length_m), parted_here_m)) return false;
   return throughProbability(map_, *planned_, *input.belief, 0) >= kEntered ||
          beyond_m >= parted_m + 1e-3 * settings_.sure_mm;
 }
@@ -219,7 +271,8 @@ NavigationAnswer Navigator::enter(const NavigationInput& input, const RouteView&
   looked_at_m_.reset();
   searches_ = 0;
   asked_for_side_ = false;
-  needed_slope_ = 0;
+  held_ = 0;
+  turn_to_rad_.reset();
   return follow(input, view);
 }
 
@@ -233,7 +286,7 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
-  if (isLoose() && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide) {
+  if (isLoose() && !turn_to_rad_ && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide) {
     planNext(aimed_for_.front());
     return startSearch(input);
   }
@@ -242,7 +295,8 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
   if (view.on_route && view.next && view.to_fork_m > far_m && !map_.passes(view.branch, *planned_))
     return follow(input, view);
   // Neither branch is sure where they have long parted: this view does not tell them apart.
-  const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + 2e-3 * settings_.confirm_mm;
+  const double sure_m = confirm_m(*map_.parent(*planned_)) + 1e-3 * settings_.confirm_mm;
+  const bool in_doubt = !asked_ahead_ && beyond_m >= parted_m + sure_m;
   asked_ahead_ = asked_ahead_ || in_doubt;
   const bool short_ahead = map_.length_m(*planned_) < 1e-3 * settings_.short_mm;
   // A bent tip may hold in the wall, or beyond the other branch's edge.

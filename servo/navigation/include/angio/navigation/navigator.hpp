@@ -150,6 +150,8 @@ class Navigator {
   NavigationAnswer aim(const NavigationInput& input);
   NavigationAnswer startSearch(const NavigationInput& input);
   NavigationAnswer search(const NavigationInput& input);
+  NavigationAnswer startTurn(const NavigationInput& input, std::optional<int> next);
+  NavigationAnswer turn(const NavigationInput& input);
   NavigationAnswer startCrossing(const NavigationInput& input, double bend_rad);
   NavigationAnswer cross(const NavigationInput& input, const RouteView& view);
   NavigationAnswer backOff(const NavigationInput& input, const RouteView& view);
@@ -166,6 +168,7 @@ class Navigator {
   ForkSide sideOfForks() const;
   bool standsRight(const ForkSide& side) const;
   bool showsSideOf(int branch) const;
+  double confirm_m(int parent) const;
   bool hasEntered(const NavigationInput& input) const;
   NavigationAnswer enter(const NavigationInput& input, const RouteView& view);
   void planNext(int next);
@@ -202,11 +205,12 @@ class Navigator {
   std::optional<double> seen_roll_rad_;      // Of the drive, in the last frame with a tip.
   bool searching_ = false;                   // Turns until the image shows the tip on the right side.
   int steady_frames_ = 0;                    // In which the tip stood right.
-  double needed_slope_ = 0;                  // To the wanted side, at this fork: more than it was missed at.
-  double crossed_at_ = 0;                    // Slope of the last crossing.
   double searched_rad_ = 0, best_side_ = 0;  // In this search; the best slope of it.
   int searches_ = 0;                         // At this fork, in this try.
   bool asked_for_side_ = false;              // For another view, the same.
+  double crossed_roll_rad_ = 0;              // Of the drive, at the last crossing.
+  int held_ = 0;                             // Tries in a row that ended at a wall, not beside the route.
+  std::optional<double> turn_to_rad_;        // Of the drive: the try is one by turns.
   std::optional<double> looked_at_m_;        // Along the path, in this try.
   double back_to_m_ = 0;                     // Path length to pull back to.
   bool missed_beside_ = false;               // The last miss was one beside the route.
