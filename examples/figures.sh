@@ -389,10 +389,15 @@ navigating() {
   done
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
+  local neck=("$bin"/angio-simulate-loop navigate --threads "${THREADS:-1}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA
+    --root=-298,59.4,-64.9 --max-edge-mm 25 --calibration examples/08_tasks/arch_carm.yaml)
   # Seeds 101 and 102 were looked at.
-  "$bin"/angio-simulate-loop navigate --targets "${TARGETS:-18}" --first-seed 103 --threads "${THREADS:-1}" --tree "$arch" \
-    --target-names LCCA,LVA,RCCA,RVA --root=-298,59.4,-64.9 --max-edge-mm 25 \
-    --calibration examples/08_tasks/arch_carm.yaml
+  "${neck[@]}" --targets "${TARGETS:-18}" --first-seed 103
+  echo; echo "the same with an elastic catheter of 4 French; seeds 501-508 were tuned on"
+  for one in "8 501" "${ARCH_TARGETS:-24} 601"; do
+    "${neck[@]}" --targets "${one% *}" --first-seed "${one#* }" --catheter elastic --shaft-bending-n-mm2 100 \
+      --tip-bending-n-mm2 10 --settings examples/08_tasks/arch_catheter.yaml
+  done
 }
 
 # How late a program is that only waits, 20 ms at a time, as long as another one lives.
