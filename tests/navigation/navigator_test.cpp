@@ -174,9 +174,10 @@ TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHa
   }
 }
 
-// A loose tip that has missed a fork is turned by 135 deg from try to try, so that eight tries are 45 deg apart; where
-// a wall holds it, it is bent more at the same turn instead.
+// In a wide vessel a loose tip that has missed a fork is turned by 135 deg from try to try, so that eight tries are 45
+// deg apart; where a wall holds it, it is bent more at the same turn instead.
 TEST_F(NavigatorTest, TurnsOrBendsALooseTipFurtherFromTryToTry) {
+  const VesselTree wide(tree.points(), tree.parents(), std::vector<std::optional<double>>(tree.size(), 5e-3));
   const std::vector<int> route = map.pathTo(target);
   const int first = route[0];
   const std::vector<int>& parted = map.children(first);
@@ -185,11 +186,12 @@ TEST_F(NavigatorTest, TurnsOrBendsALooseTipFurtherFromTryToTry) {
   const TipBelief near = *inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
   const TipBelief beside = *inputAt(map, {other, 8e-3}).belief;
   NavigationInput input = inputAt(map, {first, map.length_m(first) - 12e-3});
-  showLooseTip(navigator, input);
+  Navigator steering(wide, {target, 3e-3}, {});
+  showLooseTip(steering, input);
   NavigationAnswer answer;
   const auto stepUntil = [&](NavigationState state) {
     for (int i = 0; i < 200 && answer.state != state; ++i) {
-      answer = navigator.step(input);
+      answer = steering.step(input);
       input.drive.roll_rad += input.period_s * answer.command.roll_speed_rad_per_s;
       input.drive.bend_rad += input.period_s * answer.command.bend_speed_rad_per_s;
     }
@@ -202,7 +204,7 @@ TEST_F(NavigatorTest, TurnsOrBendsALooseTipFurtherFromTryToTry) {
   stepUntil(NavigationState::kCrossing);
   for (const bool held : {false, true, true, false}) {
     input.belief = near;
-    for (int i = 0; i < 5; ++i) answer = navigator.step(input);
+    for (int i = 0; i < 5; ++i) answer = steering.step(input);
     const double roll_rad = input.drive.roll_rad, bend_rad = input.drive.bend_rad;
     if (held) {
       input.drive.insertion_force_n = 2;

@@ -299,7 +299,7 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
 NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {
   const double path_m = map_.start_m(input.belief->tip.branch) + input.belief->tip.arc_m;
   if (path_m <= back_to_m_ && view.on_route) {
-    return isLoose() && tries_[view.branch] > 0 ? startTurn(input, view.next) : follow(input, view);
+    return goesByTurns(view.branch) ? startTurn(input, view.next) : follow(input, view);
   }
   // A loose tip that is pulled springs, and sometimes into the branch that it is to go to.
   if (isLoose() && missed_beside_ && hasEntered(input)) return enter(input, view);

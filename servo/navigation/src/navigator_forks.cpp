@@ -24,7 +24,9 @@ constexpr double kOfLumen = 2.4;              // Radii that a tip may be deflect
 constexpr double kHooked_m = 10e-3;           // Of a push that the tip of a loose catheter does not follow.
 constexpr double kOfBest = 0.75;              // Of the best slope of a search that has gone around: enough to cross.
 constexpr double kAround_rad = 2.2 * kPi;     // Of a search.
-constexpr int kMaxSearches = 1;               // In a try.
+constexpr int kMaxSearches = 3;               // In a try; one in a wide vessel, where the tip's side is hardly seen.
+constexpr int kSearchedTries = 2;             // In a narrow vessel, before tries go by turns.
+constexpr double kWide_m = 3.5e-3;            // Radius of a wide one.
 constexpr double kNextTurn_rad = 0.75 * kPi;  // From try to try: eight of them are 45 deg apart.
 constexpr double kMoreBend_rad = 0.7;         // After a wall has held it at the same turn.
 constexpr int kTurns = 8;                     // With a tip that is not bent; then with a bent one.
@@ -46,7 +48,7 @@ constexpr double kBeside_rad[] = {0, 0, 1.05, -1.05, 2.1, -2.1, 3.14, 0.5, -0.5,
 // A loose catheter crosses where the image shows its tip on the wanted side. All others look or aim.
 NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView& view) {
   turn_to_rad_.reset();
-  if (isLoose() && tries_[view.branch] > 0) return startTurn(input, view.next);
+  if (goesByTurns(view.branch)) return startTurn(input, view.next);
   planNext(*view.next);
   if (isLoose()) {
     const ForkSide side = sideOfForks();
@@ -238,6 +240,13 @@ NavigationAnswer Navigator::turn(const NavigationInput& input) {
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
 
+// Whether the fork at a branch's end has been missed so often that its tries go by turns.
+bool Navigator::goesByTurns(int branch) const {
+  const auto tries = tries_.find(branch);
+  const int searched = end_radii_m_[branch] > kWide_m ? 0 : kSearchedTries;
+  return isLoose() && tries != tries_.end() && tries->second > searched;
+}
+
 // How far beyond the parting of branches the tip counts as entered. A loose one stands anywhere in a wide vessel.
 double Navigator::confirm_m(int parent) const {
   const double confirm_m = 1e-3 * settings_.confirm_mm;
@@ -286,7 +295,8 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
-  if (isLoose() && !turn_to_rad_ && beyond_m < 0 && searches_ < kMaxSearches && sideOfForks().slope < kWrongSide) {
+  const int max_searches = end_radii_m_[*map_.parent(*planned_)] > kWide_m ? 1 : kMaxSearches;
+  if (isLoose() && !turn_to_rad_ && beyond_m < 0 && searches_ < max_searches && sideOfForks().slope < kWrongSide) {
     planNext(aimed_for_.front());
     return startSearch(input);
   }

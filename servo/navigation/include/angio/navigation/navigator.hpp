@@ -168,6 +168,7 @@ class Navigator {
   ForkSide sideOfForks() const;
   bool standsRight(const ForkSide& side) const;
   bool showsSideOf(int branch) const;
+  bool goesByTurns(int branch) const;
   double confirm_m(int parent) const;
   bool hasEntered(const NavigationInput& input) const;
   NavigationAnswer enter(const NavigationInput& input, const RouteView& view);
