@@ -240,10 +240,11 @@ NavigationAnswer Navigator::turn(const NavigationInput& input) {
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
 
-// Whether the fork at a branch's end has been missed so often that its tries go by turns.
+// Whether the fork at a branch's end has been missed so often that its tries go by turns. In the target's branch there
+// is none to search in front of.
 bool Navigator::goesByTurns(int branch) const {
   const auto tries = tries_.find(branch);
-  const int searched = end_radii_m_[branch] > kWide_m ? 0 : kSearchedTries;
+  const int searched = branch == target_.branch || end_radii_m_[branch] > kWide_m ? 0 : kSearchedTries;
   return isLoose() && tries != tries_.end() && tries->second > searched;
 }
 
