@@ -27,8 +27,8 @@ float price(int d, bool wide) {
 }
 
 // Adds to `scores` the best of all displacements from which one comes there, less what the change costs; one axis after
-// the other. `across` is room for the work.
-void addCarried(const Scores& from, bool wide, Scores& across, Scores& scores) {
+// the other. `across` and `best` are room for the work.
+void addCarried(const Scores& from, bool wide, Scores& across, Eigen::ArrayXf& best, Scores& scores) {
   const Eigen::Index side = from.rows();
   const int hop = wide ? kWideHop : kHop;
   across = from;
@@ -40,7 +40,7 @@ void addCarried(const Scores& from, bool wide, Scores& across, Scores& scores) {
   }
   for (Eigen::Index y = 0; y < side; ++y) {
     const auto in = across.col(y).array();
-    Eigen::ArrayXf best = in;
+    best = in;
     for (int d = 1; d <= hop; ++d) {
       const Eigen::Index n = side - d;
       const float costs = price(d, wide);
@@ -173,7 +173,7 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
       const auto outside = static_cast<float>(1e3 * std::max(beside_m - room_m, 0.0));
       own.data()[u] = 0.5f * (worth(here) + worth(between)) - kOutside * outside * outside;
     }
-    if (parent >= 0) addCarried(scores_[parent], wide_, across_, own);
+    if (parent >= 0) addCarried(scores_[parent], wide_, across_, best_, own);
     steps_[k] = parent >= 0 ? steps_[parent] + 1 : 1;
   }
 }

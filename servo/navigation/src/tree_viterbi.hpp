@@ -74,6 +74,7 @@ class TreeViterbi {
   double slack_m_;
   std::vector<Scores> scores_, dark_;
   Scores across_;
+  Eigen::ArrayXf best_;     // Of a column.
   std::vector<int> steps_;  // Places from where the area begins.
 };
 
