@@ -69,7 +69,7 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
 NavigationAnswer Navigator::startCrossing(const NavigationInput& input, double bend_rad) {
   state_ = NavigationState::kCrossing;
   aim_bend_rad_ = bend_rad;
-  crossed_roll_rad_ = input.drive.roll_rad;
+  crossed_roll_rad_ = turn_to_rad_.value_or(input.drive.roll_rad);
   asked_ahead_ = false;
   since_.reset();
   return go(input, 0, 0, aim_bend_rad_);
@@ -164,15 +164,16 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
   if (searching_) return search(input);
   aimed_s_ += input.period_s;
-  if (turn_to_rad_) return turn(input);
   const double close = degToRad(settings_.angle_deg);
-  // Forwards, unless it is just a little too far.
-  double left =
-      std::remainder(aim_angle_rad_ - roll_.angle_rad() - input.drive.roll_speed_rad_per_s * input.latency_s, 2 * kPi);
+  const double drift_rad = input.drive.roll_speed_rad_per_s * input.latency_s;
+  double left = turn_to_rad_ ? *turn_to_rad_ - input.drive.roll_rad - drift_rad
+                             : std::remainder(aim_angle_rad_ - roll_.angle_rad() - drift_rad, 2 * kPi);
   const bool turned = std::abs(left) < close;
-  if (left < -close) left += 2 * kPi;
+  if (!turn_to_rad_ && left < -close) left += 2 * kPi;  // Forwards, unless it is just a little too far.
   const bool bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
-  if ((turned && bent) || aimed_s_ > kMaxAim_s) return startCrossing(input, aim_bend_rad_);
+  const bool done = (turned && bent) || aimed_s_ > kMaxAim_s;
+  if (done && planned_) return startCrossing(input, aim_bend_rad_);
+  if (done) state_ = NavigationState::kFollowing;
   const double fastest = degToRad(settings_.roll_speed_deg_per_s);
   return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
 }
@@ -223,21 +224,7 @@ NavigationAnswer Navigator::startTurn(const NavigationInput& input, std::optiona
   state_ = NavigationState::kAiming;
   searching_ = false;
   aimed_s_ = 0;
-  return turn(input);
-}
-
-NavigationAnswer Navigator::turn(const NavigationInput& input) {
-  const double close = degToRad(settings_.angle_deg), fastest = degToRad(settings_.roll_speed_deg_per_s);
-  const double left = *turn_to_rad_ - input.drive.roll_rad - input.drive.roll_speed_rad_per_s * input.latency_s;
-  const bool turned = std::abs(left) < close, bent = std::abs(aim_bend_rad_ - input.drive.bend_rad) < close;
-  const bool done = (turned && bent) || aimed_s_ > kMaxAim_s;
-  if (done && planned_) {
-    NavigationAnswer answer = startCrossing(input, aim_bend_rad_);
-    crossed_roll_rad_ = *turn_to_rad_;
-    return answer;
-  }
-  if (done) state_ = NavigationState::kFollowing;
-  return go(input, 0, turned ? 0.0 : std::clamp(kRollGain_per_s * left, -fastest, fastest), aim_bend_rad_);
+  return aim(input);
 }
 
 // Whether the fork at a branch's end has been missed so often that its tries go by turns. In the target's branch there

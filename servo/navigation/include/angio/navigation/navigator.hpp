@@ -151,7 +151,6 @@ class Navigator {
   NavigationAnswer startSearch(const NavigationInput& input);
   NavigationAnswer search(const NavigationInput& input);
   NavigationAnswer startTurn(const NavigationInput& input, std::optional<int> next);
-  NavigationAnswer turn(const NavigationInput& input);
   NavigationAnswer startCrossing(const NavigationInput& input, double bend_rad);
   NavigationAnswer cross(const NavigationInput& input, const RouteView& view);
   NavigationAnswer backOff(const NavigationInput& input, const RouteView& view);
@@ -209,7 +208,7 @@ class Navigator {
   double searched_rad_ = 0, best_side_ = 0;  // In this search; the best slope of it.
   int searches_ = 0;                         // At this fork, in this try.
   bool asked_for_side_ = false;              // For another view, the same.
-  double crossed_roll_rad_ = 0;              // Of the drive, at the last crossing.
+  double crossed_roll_rad_ = 0;              // Of the drive, that the last crossing was aimed with.
   int held_ = 0;                             // Tries in a row that ended at a wall, not beside the route.
   std::optional<double> turn_to_rad_;        // Of the drive: the try is one by turns.
   std::optional<double> looked_at_m_;        // Along the path, in this try.
