@@ -116,7 +116,7 @@ TEST_P(CenteredLiver, IsFollowedWhileItBreathes) {
     const Kept kept = run(share, 15, 14, 9);
     EXPECT_EQ(kept.held, 0);
     // At 0.10, drawn, it depends on the processor: 0.34 mm with vectors of 512 and of 256 bits, 0.42 mm with 128.
-    EXPECT_LE(kept.rms_mm, share == 0.1 ? 0.5 : 0.3) << "at " << share;
+    EXPECT_LE(kept.rms_mm, GetParam().drawn && share == 0.1 ? 0.5 : 0.3) << "at " << share;
     std::printf("breathing 15 mm, place %.2f: %.3f mm rms\n", share, kept.rms_mm);
   }
 }
