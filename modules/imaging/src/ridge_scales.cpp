@@ -108,7 +108,11 @@ void RidgeScales::gatherFiner(int index) {
   }
   Level& level = levels_[scale.level];
   if (index == static_cast<int>(kSharper)) {
-    fresh == &level.pooled ? std::swap(level.finer, level.pooled) : void(level.finer = *fresh);
+    if (fresh == &level.pooled) {
+      std::swap(level.finer, level.pooled);
+    } else {
+      level.finer = *fresh;
+    }
   } else {
     for (int l = scales_[index - 1].level; l < scale.level; ++l) largest_.halve(levels_[l].finer, levels_[l + 1].finer);
     takeLarger(*fresh, level.finer);
