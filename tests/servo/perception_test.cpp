@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
+
 #include "stage.hpp"
 
 namespace angio::test {
@@ -109,6 +111,68 @@ TEST_F(DeformedPatients, AreNotTakenForOthers) {
     for (const VesselTree& other : {turned, another}) {
       EXPECT_NE(look(perception(10), other).registration.status, RegistrationStatus::kConverged) << seed;
     }
+  }
+}
+
+// A wide vessel with arteries that leave it for the image's border, even and without branches, as those of the neck
+// leave an aortic arch: the wide one's first `points` of 49, with an artery at every twelfth.
+VesselTree archWithNeck(int points) {
+  std::vector<Eigen::Vector3d> places;
+  std::vector<int> parents;
+  std::vector<std::optional<double>> radii;
+  const auto add = [&](const Eigen::Vector3d& p, int parent, double radius_m) {
+    places.push_back(p);
+    parents.push_back(parent);
+    radii.emplace_back(radius_m);
+    return static_cast<int>(places.size()) - 1;
+  };
+  int trunk = -1;
+  for (int i = 0; i < points; ++i) {
+    const double x = -0.06 + 0.0025 * i;
+    const Eigen::Vector3d at(x, 0.03 + 4 * x * x, 0.02 * std::cos(25 * x));
+    trunk = add(at, trunk, 0.008);
+    if (i % 12 != 6) continue;
+    int artery = trunk;
+    const double lean = 0.15 * (i / 12 - 1.5);
+    for (int k = 1; k <= 60; ++k) {
+      const double up = 0.0025 * k;
+      artery = add(at + Eigen::Vector3d(lean * up + 0.004 * std::sin(30 * up + i), -up, 0.1 * up), artery, 0.0021);
+    }
+  }
+  const Eigen::Map<const Eigen::Matrix3Xd> matrix(places.front().data(), 3, static_cast<Eigen::Index>(places.size()));
+  return VesselTree(matrix, parents, radii);
+}
+
+// Draws a catheter from the lower border to beside the tree.
+void drawCatheter(cv::Mat& image) {
+  cv::Mat absorbed = cv::Mat::zeros(image.size(), CV_32FC1), transmitted, bright;
+  const std::vector<std::vector<cv::Point>> line{{{40, 447}, {50, 400}, {70, 350}, {100, 300}, {110, 280}}};
+  cv::polylines(absorbed, line, false, cv::Scalar(0.5), 5, cv::LINE_AA);
+  cv::exp(-absorbed, transmitted);
+  image.convertTo(bright, CV_32F);
+  cv::Mat(bright.mul(transmitted)).convertTo(image, image.type());
+}
+
+// One artery of four is not filled, and the image calls another one a catheter: what is left does not suffice. The real
+// catheter, which is in view before it comes to the tree, is no vessel.
+TEST(ArteriesThatLookLikeCatheters, AreTakenBackAlongATrackedTree) {
+  test::Stage stage;
+  stage.tree = archWithNeck(49);
+  stage.joints = stage.settings.carm.jointsFor({0, 0}, stage.tree.centroid());
+  const VesselTree filled = archWithNeck(40);
+  for (const int number : {1, 2, 3, 4, 6}) {
+    Perception perception(stage.settings.perception, stage.settings.carm, stage.settings.T_dsa_cb, stage.tree);
+    const CArmState state = stage.state(number);
+    perception.accept(stage.settings.carm.T_camera_patient(stage.joints), Matrix6d(1e-8 * Matrix6d::Identity()),
+                      perception.placeOf(state));
+    XrayFrame frame = stage.frameOf(filled, number);
+    drawCatheter(frame.image);
+    const Observation seen = perception.observe(frame, state);
+    EXPECT_EQ(seen.registration.status, RegistrationStatus::kConverged) << number << ": " << seen.registration.reason;
+    EXPECT_GT(seen.centerline.size(), ofKind(seen.curves, CurveKind::kVessel).size() + 20) << number;
+    const auto low = [](const Centerline2d& line) { return (line.points_px.row(1).array() > 330).count(); };
+    EXPECT_GT(low(seen.curves), 20) << number;
+    EXPECT_EQ(low(seen.centerline), 0) << number;
   }
 }
 

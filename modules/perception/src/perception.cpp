@@ -7,6 +7,7 @@
 
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/patient_observation.hpp"
+#include "angio/registration/alignment_score.hpp"
 #include "angio/registration/result.hpp"
 #include "angio/vessel/resample.hpp"
 #include "local_offset_estimator.hpp"
@@ -61,6 +62,34 @@ class OpenInDepth final : public PointUncertainty {
   std::shared_ptr<const PointUncertainty> points_;
   double added_m2_;
 };
+
+// A device's line is a vessel's when the tree explains this part of it.
+constexpr double kAlongTree = 0.7;
+
+XrayView withCenterline(const Centerline2d& centerline, const XrayView& view) {
+  return {centerline, view.camera, view.T_view_first, view.collimator_px, view.image};
+}
+
+// The vessels among curves that have branches and kinds, and the devices' lines that lie along the projected tree.
+Centerline2d withVesselsAlong(const VesselTree& tree, const XrayView& view, const Centerline2d& curves,
+                              const Pose& T_camera_model) {
+  const auto size = static_cast<std::size_t>(curves.size());
+  std::vector<bool> keep(size, false);
+  for (std::size_t first = 0, last = 0; first < size; first = last) {
+    while (last < size && curves.branch[last] == curves.branch[first]) ++last;
+    const auto begin = static_cast<std::ptrdiff_t>(first), end = static_cast<std::ptrdiff_t>(last);
+    bool vessel = curves.kind[first] == CurveKind::kVessel;
+    if (!vessel) {
+      std::vector<bool> line(size, false);
+      std::fill(line.begin() + begin, line.begin() + end, true);
+      const Centerline2d alone = pointsWhere(curves, line);
+      vessel = alignmentScore(tree, tree.points(), {withCenterline(alone, view)}, T_camera_model).image_explained >=
+               kAlongTree;
+    }
+    std::fill(keep.begin() + begin, keep.begin() + end, vessel);
+  }
+  return pointsWhere(curves, keep);
+}
 
 }  // namespace
 
@@ -134,6 +163,7 @@ void Perception::registerViews(const XrayViews& views, const CameraPlace& place,
   const PosePrior& predicted = observation.predicted;
   observation.registration = observation.tracked ? tracking_->align(views, predicted, predicted.T_camera_model)
                                                  : search_->search(views, predicted, search_starts_);
+  if (observation.tracked) takeBackVessels(views, observation);
   if (observation.tracked) fitDeformed(views, observation);
   if (observation.tracked) compareAlternatives(views, observation);
   if (place_ && observation.registration.status == RegistrationStatus::kConverged) {
@@ -149,6 +179,24 @@ Observation Perception::adopt(const RegistrationResult& registration, const CArm
   observation.tracked = tracker_.tracking();
   observation.registration = registration;
   return observation;
+}
+
+// A single image does not tell an artery that comes in at its border and ends at a wider one from a catheter: those of
+// the neck over an aortic arch are as even as tubes. The tree tells them apart where it is tracked, and is asked where
+// the other vessels do not suffice. A catheter that lies along the tree lies in a vessel.
+void Perception::takeBackVessels(const XrayViews& views, Observation& observation) {
+  RegistrationResult& without = observation.registration;
+  if (without.status != RegistrationStatus::kAmbiguous || observation.curves.size() == observation.centerline.size()) {
+    return;
+  }
+  Centerline2d vessels = withVesselsAlong(tracking_->tree(), views.front(), observation.curves, without.T_camera_model);
+  if (vessels.size() == observation.centerline.size()) return;
+  RegistrationResult with =
+      tracking_->align({withCenterline(vessels, views.front())}, observation.predicted, without.T_camera_model);
+  with.times += without.times;
+  if (with.status != RegistrationStatus::kConverged) return;
+  without = std::move(with);
+  observation.centerline = std::move(vessels);
 }
 
 // A tree that a breath deforms is explained in part by a rigid one, and called ambiguous or deformed. The deformed fit

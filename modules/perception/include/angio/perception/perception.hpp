@@ -100,6 +100,7 @@ class Perception {
 
  private:
   void registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation);
+  void takeBackVessels(const XrayViews& views, Observation& observation);
   void fitDeformed(const XrayViews& views, Observation& observation);
   void compareAlternatives(const XrayViews& views, Observation& observation);
   PointObservation seen(const PointOfInterest& place, const XrayCamera& camera, const Observation& observation) const;
