@@ -174,6 +174,37 @@ TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHa
   }
 }
 
+// A loose tip that slips into the branch it is turned for is pushed on from there, before the turn that was planned is
+// done; one frame does not tell, and the other branch is no reason.
+TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
+  const std::vector<int> route = map.pathTo(target);
+  const int first = route[0];
+  const std::vector<int>& parted = map.children(first);
+  const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
+  const TipBelief before = *inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
+  for (const int branch : {route[1], other}) {
+    Navigator steering(tree, {target, 3e-3}, {});
+    NavigationInput input = inputAt(map, {first, map.length_m(first) - 10e-3});
+    showLooseTip(steering, input);
+    const Eigen::Vector3d off = map.point({route[1], 6e-3}) - map.point({route[1], 0});
+    const TreeFrame frame = map.frame({first, map.length_m(first)});
+    const Eigen::Vector2d side = Eigen::Vector2d(off.dot(frame.normal), off.dot(frame.binormal)).normalized();
+    input.deflection = TipDeflection{-0.4, 0.05, side, -1.5e-3, 0.4e-3};
+    for (int i = 0; i < 40; ++i) (void)steering.step(input);
+    input.belief = before;
+    NavigationAnswer answer;
+    for (int i = 0; i < 4; ++i) answer = steering.step(input);
+    ASSERT_EQ(answer.state, NavigationState::kAiming);
+    ASSERT_GT(answer.command.roll_speed_rad_per_s, 0);
+    input.belief = inputAt(map, {branch, map.parting_m(first) + 1e-3}).belief;
+    answer = steering.step(input);
+    EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
+    for (int i = 0; i < 8 && answer.command.insertion_speed_m_per_s <= 0; ++i) answer = steering.step(input);
+    EXPECT_EQ(answer.command.insertion_speed_m_per_s > 0, branch == route[1]);
+    EXPECT_EQ(answer.command.roll_speed_rad_per_s > 0, branch == other);
+  }
+}
+
 // In a wide vessel a loose tip that has missed a fork is turned by 135 deg from try to try, so that eight tries are 45
 // deg apart; where a wall holds it, it is bent more at the same turn instead.
 TEST_F(NavigatorTest, TurnsOrBendsALooseTipFurtherFromTryToTry) {

@@ -71,6 +71,7 @@ NavigationAnswer Navigator::startCrossing(const NavigationInput& input, double b
   aim_bend_rad_ = bend_rad;
   crossed_roll_rad_ = turn_to_rad_.value_or(input.drive.roll_rad);
   asked_ahead_ = false;
+  inside_frames_ = 0;
   since_.reset();
   return go(input, 0, 0, aim_bend_rad_);
 }
@@ -161,7 +162,29 @@ NavigationAnswer Navigator::look(const NavigationInput& input) {
   return go(input, 0, degToRad(settings_.roll_speed_deg_per_s), 0);
 }
 
+// How far along the route the tip is beyond the fork that it is aimed for.
+double Navigator::beyondPlanned_m(const TipPlace& tip) const {
+  return map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
+}
+
+// Whether the tip of a loose catheter lies in the branch that it is aimed for: turned in front of a fork it slips into
+// one branch and out of it into the next.
+bool Navigator::liesInPlanned(const NavigationInput& input) const {
+  const TipPlace& tip = input.belief->tip;
+  if (!isLoose() || !planned_ || !map_.passes(tip.branch, *planned_)) return false;
+  const double beyond_m = beyondPlanned_m(tip);
+  const double parted_m = map_.parting_m(*map_.parent(*planned_));
+  return beyond_m >= std::min(parted_m, 0.4 * map_.length_m(*planned_)) &&
+         throughProbability(map_, *planned_, *input.belief, 0) >= kEntered;
+}
+
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
+  inside_frames_ = liesInPlanned(input) ? inside_frames_ + 1 : 0;
+  if (inside_frames_ >= kSteadyFrames) {
+    turn_to_rad_ = input.drive.roll_rad;
+    return startCrossing(input, input.drive.bend_rad);
+  }
+  if (inside_frames_ > 0) return go(input, 0, 0, aim_bend_rad_);
   if (searching_) return search(input);
   aimed_s_ += input.period_s;
   const double close = degToRad(settings_.angle_deg);
@@ -252,7 +275,7 @@ bool Navigator::sureOf(const RouteView& view) const {
 bool Navigator::hasEntered(const NavigationInput& input) const {
   const TipPlace& tip = input.belief->tip;
   if (!planned_ || !map_.passes(tip.branch, *planned_)) return false;
-  const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
+  const double beyond_m = beyondPlanned_m(tip);
   const double parted_m = map_.parting_m(*map_.parent(*planned_));
   const double confirm = 1e-3 * settings_.confirm_mm, length_m = map_.length_m(*planned_);
   // Beyond the parting by what a wide vessel asks for more, in a branch that is long enough.
@@ -277,7 +300,7 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
   if (hasEntered(input)) return enter(input, view);
   const TipPlace& tip = input.belief->tip;
   const double lever_m = 1e-3 * settings_.lever_mm;
-  const double beyond_m = map_.start_m(tip.branch) + tip.arc_m - map_.start_m(*planned_);
+  const double beyond_m = beyondPlanned_m(tip);
   const double parted_m = map_.parting_m(*map_.parent(*planned_));
   if (view.entered && beside_frames_ >= kSteadyFrames && sureOf(view)) {
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));

@@ -147,6 +147,8 @@ class Navigator {
   bool shouldLook() const;
   NavigationAnswer startLook(const NavigationInput& input);
   NavigationAnswer look(const NavigationInput& input);
+  double beyondPlanned_m(const TipPlace& tip) const;
+  bool liesInPlanned(const NavigationInput& input) const;
   NavigationAnswer aim(const NavigationInput& input);
   NavigationAnswer startSearch(const NavigationInput& input);
   NavigationAnswer search(const NavigationInput& input);
@@ -205,6 +207,7 @@ class Navigator {
   std::optional<double> seen_roll_rad_;      // Of the drive, in the last frame with a tip.
   bool searching_ = false;                   // Turns until the image shows the tip on the right side.
   int steady_frames_ = 0;                    // In which the tip stood right.
+  int inside_frames_ = 0;                    // In which it lay in the branch that it is aimed for.
   double searched_rad_ = 0, best_side_ = 0;  // In this search; the best slope of it.
   int searches_ = 0;                         // At this fork, in this try.
   bool asked_for_side_ = false;              // For another view, the same.
