@@ -33,10 +33,12 @@ struct PerceptionSettings {
 
 /// What one frame shows of where the model is. Whether it may be believed is for others to say.
 struct Observation {
-  Centerline2d curves;      ///< All that was found, devices too.
-  Centerline2d centerline;  ///< What the registration went by.
-  PosePrior predicted;      ///< Where the model was looked for.
-  bool tracked = false;     ///< Whether that was what trusted frames before had said, or calibration alone.
+  Centerline2d curves;  ///< All that was found, devices too.
+  /// What the registration went by: the vessels, and where they alone leave a tracked tree open, lines of devices that
+  /// lie along it as well.
+  Centerline2d centerline;
+  PosePrior predicted;   ///< Where the model was looked for.
+  bool tracked = false;  ///< Whether that was what trusted frames before had said, or calibration alone.
   ModelId model_id = ModelId::kUnknown;  ///< The tree that was looked for.
 
   /// Of a frame that only a deformed tree explains: pose of the rigid tree, which is the nearest one to it as a whole,
