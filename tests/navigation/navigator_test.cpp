@@ -196,7 +196,7 @@ TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
     for (int i = 0; i < 4; ++i) answer = steering.step(input);
     ASSERT_EQ(answer.state, NavigationState::kAiming);
     ASSERT_GT(answer.command.roll_speed_rad_per_s, 0);
-    input.belief = inputAt(map, {branch, map.parting_m(first) + 1e-3}).belief;
+    input.belief = inputAt(map, {branch, map.parting_m(first) + 4e-3}).belief;
     answer = steering.step(input);
     EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
     for (int i = 0; i < 8 && answer.command.insertion_speed_m_per_s <= 0; ++i) answer = steering.step(input);

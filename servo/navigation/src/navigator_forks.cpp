@@ -37,6 +37,7 @@ constexpr double kFullLook_rad = 2.2 * kPi;
 constexpr double kLooked_m = 30e-3;         // A tip that has slid further may have turned.
 constexpr double kSureOfWrongBranch = 0.9;  // Probability of a wrong branch that is worth going back at once.
 constexpr double kConfirmIn = 0.5;          // Of the radius of the vessel in front of the fork.
+constexpr double kSlippedIn = 0.4;          // Of that, for a tip that is turned and not pushed.
 constexpr double kEntered = 0.8;            // Probability of the wanted branch that is enough to go on.
 constexpr double kMinMargin_rad = 0.1;      // For one aim to serve several forks.
 
@@ -168,13 +169,14 @@ double Navigator::beyondPlanned_m(const TipPlace& tip) const {
 }
 
 // Whether the tip of a loose catheter lies in the branch that it is aimed for: turned in front of a fork it slips into
-// one branch and out of it into the next.
+// one branch and out of it into the next. Below the branch, in the wide vessel, it is seen up to where the two part and
+// some way on.
 bool Navigator::liesInPlanned(const NavigationInput& input) const {
   const TipPlace& tip = input.belief->tip;
   if (!isLoose() || !planned_ || !map_.passes(tip.branch, *planned_)) return false;
-  const double beyond_m = beyondPlanned_m(tip);
-  const double parted_m = map_.parting_m(*map_.parent(*planned_));
-  return beyond_m >= std::min(parted_m, 0.4 * map_.length_m(*planned_)) &&
+  const int parent = *map_.parent(*planned_);
+  const double beyond_m = map_.parting_m(parent) + kSlippedIn * confirm_m(parent);
+  return beyondPlanned_m(tip) >= std::min(beyond_m, 0.4 * map_.length_m(*planned_)) &&
          throughProbability(map_, *planned_, *input.belief, 0) >= kEntered;
 }
 
