@@ -175,15 +175,17 @@ TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHa
 }
 
 // A loose tip that slips into the branch it is turned for is pushed on from there, before the turn that was planned is
-// done; one frame does not tell, and the other branch is no reason.
+// done; one frame does not tell, and the other branch is no reason. Where it fell out, it is turned past that place.
 TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
+  const VesselTree wide(tree.points(), tree.parents(), std::vector<std::optional<double>>(tree.size(), 5e-3));
   const std::vector<int> route = map.pathTo(target);
   const int first = route[0];
   const std::vector<int>& parted = map.children(first);
   const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
   const TipBelief before = *inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
+  const double slipped_m = TreeTopology(wide).parting_m(first) + 3e-3;
   for (const int branch : {route[1], other}) {
-    Navigator steering(tree, {target, 3e-3}, {});
+    Navigator steering(wide, {target, 3e-3}, {});
     NavigationInput input = inputAt(map, {first, map.length_m(first) - 10e-3});
     showLooseTip(steering, input);
     const Eigen::Vector3d off = map.point({route[1], 6e-3}) - map.point({route[1], 0});
@@ -196,12 +198,26 @@ TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
     for (int i = 0; i < 4; ++i) answer = steering.step(input);
     ASSERT_EQ(answer.state, NavigationState::kAiming);
     ASSERT_GT(answer.command.roll_speed_rad_per_s, 0);
-    input.belief = inputAt(map, {branch, map.parting_m(first) + 4e-3}).belief;
+    input.belief = inputAt(map, {branch, slipped_m}).belief;
     answer = steering.step(input);
     EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
     for (int i = 0; i < 8 && answer.command.insertion_speed_m_per_s <= 0; ++i) answer = steering.step(input);
     EXPECT_EQ(answer.command.insertion_speed_m_per_s > 0, branch == route[1]);
     EXPECT_EQ(answer.command.roll_speed_rad_per_s > 0, branch == other);
+    if (branch == other) continue;
+    // It falls out, into the other branch: the next try is not made from there again.
+    input.belief = inputAt(map, {other, slipped_m + 5e-3}).belief;
+    for (int i = 0; i < 20 && answer.state != NavigationState::kBackingOff; ++i) answer = steering.step(input);
+    ASSERT_EQ(answer.state, NavigationState::kBackingOff);
+    input.belief = inputAt(map, {first, map.length_m(first) - 19e-3}).belief;
+    for (int i = 0; i < 60; ++i) answer = steering.step(input);
+    input.belief = before;
+    for (int i = 0; i < 20 && answer.state != NavigationState::kAiming; ++i) answer = steering.step(input);
+    ASSERT_EQ(answer.state, NavigationState::kAiming);
+    input.belief = inputAt(map, {branch, slipped_m}).belief;
+    for (int i = 0; i < 8; ++i) answer = steering.step(input);
+    EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
+    EXPECT_GT(answer.command.roll_speed_rad_per_s, 0);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "angio/base/checked.hpp"
 #include "angio/base/errors.hpp"
@@ -281,6 +282,8 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   looked_at_m_.reset();
   searches_ = 0;
   asked_for_side_ = false;
+  // A tip that slipped in and fell out would do so at each turn past that place.
+  ignores_slips_ = std::exchange(slipped_, false);
   missed_beside_ = !view.on_route;
   const bool at_fork = fresh || (view.next && view.to_fork_m < kAtFork_m);
   held_ = missed_beside_ || !at_fork || held_ == kMaxHeld ? 0 : held_ + 1;

@@ -181,9 +181,10 @@ bool Navigator::liesInPlanned(const NavigationInput& input) const {
 }
 
 NavigationAnswer Navigator::aim(const NavigationInput& input) {
-  inside_frames_ = liesInPlanned(input) ? inside_frames_ + 1 : 0;
+  inside_frames_ = !ignores_slips_ && liesInPlanned(input) ? inside_frames_ + 1 : 0;
   if (inside_frames_ >= kSteadyFrames) {
-    turn_to_rad_ = input.drive.roll_rad;
+    slipped_ = true;
+    if (!turn_to_rad_) turn_to_rad_ = input.drive.roll_rad;  // Tries that go by turns go on from the planned one.
     return startCrossing(input, input.drive.bend_rad);
   }
   if (inside_frames_ > 0) return go(input, 0, 0, aim_bend_rad_);
@@ -295,6 +296,7 @@ NavigationAnswer Navigator::enter(const NavigationInput& input, const RouteView&
   asked_for_side_ = false;
   held_ = 0;
   turn_to_rad_.reset();
+  ignores_slips_ = false;  // Not slipped_: what has entered so may still fall out.
   return follow(input, view);
 }
 

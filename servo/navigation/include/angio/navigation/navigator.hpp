@@ -208,6 +208,8 @@ class Navigator {
   bool searching_ = false;                   // Turns until the image shows the tip on the right side.
   int steady_frames_ = 0;                    // In which the tip stood right.
   int inside_frames_ = 0;                    // In which it lay in the branch that it is aimed for.
+  bool slipped_ = false;                     // Into that branch, before the planned turn: this try crosses from there.
+  bool ignores_slips_ = false;               // In this try.
   double searched_rad_ = 0, best_side_ = 0;  // In this search; the best slope of it.
   int searches_ = 0;                         // At this fork, in this try.
   bool asked_for_side_ = false;              // For another view, the same.
