@@ -394,7 +394,7 @@ navigating() {
   # Seeds 101 and 102 were looked at.
   "${neck[@]}" --targets "${TARGETS:-18}" --first-seed 103
   echo; echo "the same with an elastic catheter of 4 French; seeds 501-508 were tuned on"
-  for one in "8 501" "${ARCH_TARGETS:-12} 601"; do
+  for one in "8 501" "${ARCH_TARGETS:-12} 901"; do
     "${neck[@]}" --targets "${one% *}" --first-seed "${one#* }" --catheter elastic --shaft-bending-n-mm2 100 \
       --tip-bending-n-mm2 10 --settings examples/08_tasks/arch_catheter.yaml
   done
