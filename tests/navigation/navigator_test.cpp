@@ -53,6 +53,21 @@ struct NavigatorTest : testing::Test {
   TreeTopology map{tree};
   int target = map.branchCount() - 1;
   Navigator navigator{tree, {target, 3e-3}, {}};
+
+  // The same tree of wide vessels; its first fork, with the branch that leads to the target and another one.
+  VesselTree wide{tree.points(), tree.parents(), std::vector<std::optional<double>>(tree.size(), 5e-3)};
+  int first = map.pathTo(target)[0], wanted = map.pathTo(target)[1];
+  int other = [this] {
+    const std::vector<int>& parted = map.children(first);
+    return *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != wanted; });
+  }();
+
+  // Where a branch leads to, seen along the vessel in front of the fork.
+  Eigen::Vector2d sideways(int branch) const {
+    const TreeFrame frame = map.frame({first, map.length_m(first)});
+    const Eigen::Vector3d off = map.point({branch, 6e-3}) - map.point({branch, 0});
+    return Eigen::Vector2d(off.dot(frame.normal), off.dot(frame.binormal)).normalized();
+  }
 };
 
 TEST_F(NavigatorTest, PushesAlongTheRouteAndAnswersTheFrame) {
@@ -108,13 +123,6 @@ TEST_F(NavigatorTest, TurnsATipOnceWhosePlaceBesideTheAxisIsOpen) {
 // pushed on as it is, one that does so to the other branch is turned first, and a view along both branches' plane does
 // not tell, so that another one is asked for.
 TEST_F(NavigatorTest, CrossesAForkAtOnceWhereTheImageShowsTheTipOnTheWantedSide) {
-  const std::vector<int> route = map.pathTo(target);
-  const int first = route[0], wanted = route[1];
-  const TreeFrame frame = map.frame({first, map.length_m(first)});
-  const auto sideways = [&](int branch) {
-    const Eigen::Vector3d off = map.point({branch, 6e-3}) - map.point({branch, 0});
-    return Eigen::Vector2d(off.dot(frame.normal), off.dot(frame.binormal)).normalized();
-  };
   const Eigen::Vector2d side = sideways(wanted), across(-side.y(), side.x());
   enum class Shown { kRight, kWrong, kNothing };
   for (const Shown shown : {Shown::kRight, Shown::kWrong, Shown::kNothing}) {
@@ -148,15 +156,12 @@ TEST_F(NavigatorTest, CrossesAForkAtOnceWhereTheImageShowsTheTipOnTheWantedSide)
 // pulled back lay over the other branch in one of both frames: another view tells, before it is pulled back as one that
 // took the wrong branch.
 TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHasNoWayTo) {
-  const std::vector<int> route = map.pathTo(target);
-  const std::vector<int>& parted = map.children(route[0]);
-  const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
-  const TipBelief there = *inputAt(map, {route[1], 12e-3}).belief, leapt = *inputAt(map, {other, 12e-3}).belief;
-  ASSERT_GT(std::min(map.length_m(route[1]), map.length_m(other)), 12e-3);
+  const TipBelief there = *inputAt(map, {wanted, 12e-3}).belief, leapt = *inputAt(map, {other, 12e-3}).belief;
+  ASSERT_GT(std::min(map.length_m(wanted), map.length_m(other)), 12e-3);
   constexpr int kSteady = 3;                // Fewer frames may be bad ones.
   for (const bool again : {false, true}) {  // In the other view.
     Navigator steering(tree, {target, 3e-3}, {});
-    NavigationInput input = inputAt(map, {route[1], 12e-3});
+    NavigationInput input = inputAt(map, {wanted, 12e-3});
     showLooseTip(steering, input);
     input.belief = leapt;
     NavigationAnswer answer;
@@ -177,21 +182,13 @@ TEST_F(NavigatorTest, AsksForAnotherViewWhereALooseTipSeemsToBeInABranchThatItHa
 // A loose tip that slips into the branch it is turned for is pushed on from there, before the turn that was planned is
 // done; one frame does not tell, and the other branch is no reason. Where it fell out, it is turned past that place.
 TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
-  const VesselTree wide(tree.points(), tree.parents(), std::vector<std::optional<double>>(tree.size(), 5e-3));
-  const std::vector<int> route = map.pathTo(target);
-  const int first = route[0];
-  const std::vector<int>& parted = map.children(first);
-  const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
   const TipBelief before = *inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
   const double slipped_m = TreeTopology(wide).parting_m(first) + 3e-3;
-  for (const int branch : {route[1], other}) {
+  for (const int branch : {wanted, other}) {
     Navigator steering(wide, {target, 3e-3}, {});
     NavigationInput input = inputAt(map, {first, map.length_m(first) - 10e-3});
     showLooseTip(steering, input);
-    const Eigen::Vector3d off = map.point({route[1], 6e-3}) - map.point({route[1], 0});
-    const TreeFrame frame = map.frame({first, map.length_m(first)});
-    const Eigen::Vector2d side = Eigen::Vector2d(off.dot(frame.normal), off.dot(frame.binormal)).normalized();
-    input.deflection = TipDeflection{-0.4, 0.05, side, -1.5e-3, 0.4e-3};
+    input.deflection = TipDeflection{-0.4, 0.05, sideways(wanted), -1.5e-3, 0.4e-3};
     for (int i = 0; i < 40; ++i) (void)steering.step(input);
     input.belief = before;
     NavigationAnswer answer;
@@ -202,7 +199,7 @@ TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
     answer = steering.step(input);
     EXPECT_EQ(answer.command.insertion_speed_m_per_s, 0);
     for (int i = 0; i < 8 && answer.command.insertion_speed_m_per_s <= 0; ++i) answer = steering.step(input);
-    EXPECT_EQ(answer.command.insertion_speed_m_per_s > 0, branch == route[1]);
+    EXPECT_EQ(answer.command.insertion_speed_m_per_s > 0, branch == wanted);
     EXPECT_EQ(answer.command.roll_speed_rad_per_s > 0, branch == other);
     if (branch == other) continue;
     // It falls out, into the other branch: the next try is not made from there again.
@@ -224,11 +221,6 @@ TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
 // In a wide vessel a loose tip that has missed a fork is turned by 135 deg from try to try, so that eight tries are 45
 // deg apart; where a wall holds it, it is bent more at the same turn instead.
 TEST_F(NavigatorTest, TurnsOrBendsALooseTipFurtherFromTryToTry) {
-  const VesselTree wide(tree.points(), tree.parents(), std::vector<std::optional<double>>(tree.size(), 5e-3));
-  const std::vector<int> route = map.pathTo(target);
-  const int first = route[0];
-  const std::vector<int>& parted = map.children(first);
-  const int other = *std::find_if(parted.begin(), parted.end(), [&](int branch) { return branch != route[1]; });
   const TipBelief before = *inputAt(map, {first, map.length_m(first) - 19e-3}).belief;
   const TipBelief near = *inputAt(map, {first, map.length_m(first) - 3e-3}).belief;
   const TipBelief beside = *inputAt(map, {other, 8e-3}).belief;
@@ -321,15 +313,15 @@ TEST_F(NavigatorTest, StopsWhereItWasToGo) {
 TEST_F(NavigatorTest, DoesNotArriveInABranchThatItIsNotSureOf) {
   NavigationInput input = inputAt(map, {target, 4e-3});
   input.belief->tip.probability = 0.6;
-  int other = -1;
+  int sibling = -1;
   for (const int child : map.children(*map.parent(target))) {
-    if (child != target) other = child;
+    if (child != target) sibling = child;
   }
-  ASSERT_GE(other, 0);
+  ASSERT_GE(sibling, 0);
   TipPlace beside = input.belief->tip;
-  beside.branch = other;
+  beside.branch = sibling;
   beside.probability = 0.38;
-  beside.tip_model = map.point({other, 4e-3});
+  beside.tip_model = map.point({sibling, 4e-3});
   ASSERT_GT((beside.tip_model - input.belief->tip.tip_model).norm(), 2e-3);
   input.belief->alternatives = {beside};
   int asked = 0;
