@@ -196,7 +196,7 @@ void Perception::takeBackVessels(const XrayViews& views, Observation& observatio
   with.times += without.times;
   if (with.status != RegistrationStatus::kConverged) return;
   without = std::move(with);
-  observation.centerline = std::move(vessels);
+  observation.centerline = std::move(vessels);  // The views refer to it: what follows goes by it as well.
 }
 
 // A tree that a breath deforms is explained in part by a rigid one, and called ambiguous or deformed. The deformed fit
