@@ -77,6 +77,60 @@ TEST(PathLength, IsTheChordOfASphereForATubeWithoutLength) {
   }
 }
 
+// Whether a ball at p's nearest place of the sweep holds p. The balls' radii change evenly along the axis, so that the
+// deepest of p in any of them is that of a place of a quadratic equation; a fine search needs none of that.
+bool inSweep(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eigen::Vector3d& b, double ra, double rb) {
+  double low = 0, high = 1;
+  const auto depth = [&](double t) { return ra + t * (rb - ra) - (p - a - t * (b - a)).norm(); };  // Concave in t.
+  for (int k = 0; k < 60; ++k) {
+    const double third = (high - low) / 3;
+    (depth(low + third) < depth(high - third) ? low : high) =
+        depth(low + third) < depth(high - third) ? low + third : high - third;
+  }
+  return depth(0.5 * (low + high)) > 0;
+}
+
+// Tapers from nearly none to those of an ostium, where the vessel narrows by more than half of the length, and to a
+// ball that holds the other one.
+TEST(PathLength, IsTheChordOfATaperedTubeAtAnyAngleToTheBeam) {
+  const double tilts_deg[] = {-90, -70, -35, 0, 35, 70, 90};
+  const std::pair<double, double> radii[] = {
+      {2e-3, 1.99e-3}, {1e-3, 1.8e-3}, {5e-3, 2.4e-3}, {2e-3, 5.5e-3}, {6e-3, 1e-3}};
+  Random random(7);
+  int inside = 0;
+  for (const double tilt_deg : tilts_deg) {
+    for (const auto& [ra, rb] : radii) {
+      const Eigen::Vector3d u(std::cos(degToRad(tilt_deg)), 0, std::sin(degToRad(tilt_deg)));
+      const Eigen::Vector3d a(1e-3, -2e-3, 0.75), b = a + 4e-3 * u;
+      const VesselTree tree((Eigen::Matrix3Xd(3, 2) << a, b).finished(), {-1, 0}, {ra, rb});
+      const cv::Mat path = pathLength(tree);
+      for (int trial = 0; trial < 40; ++trial) {
+        const auto seen =
+            wideCamera().project(a + random.uniform(0, 1) * (b - a) + random.vector(0.6 * std::max(ra, rb)));
+        const int x = static_cast<int>(std::lround(seen->x())), y = static_cast<int>(std::lround(seen->y()));
+        const Eigen::Vector3d d = wideCamera().ray({x, y}).normalized();
+        const auto holds = [&](double s) { return inSweep(s * d, a, b, ra, rb); };
+        double first = 0, last = 0;
+        for (double s = 0.735; s < 0.765; s += 0.1e-3) {
+          if (!holds(s)) continue;
+          if (first == 0) first = s;
+          last = s;
+        }
+        const auto edge = [&](double in, double out) {  // By bisection.
+          for (int k = 0; k < 30; ++k) (holds(0.5 * (in + out)) ? in : out) = 0.5 * (in + out);
+          return in;
+        };
+        const double chord = first > 0 ? edge(last, last + 0.1e-3) - edge(first, first - 0.1e-3) : 0;
+        inside += chord > 0;
+        // A chord of less than the steps of the search may be missed by it.
+        ASSERT_NEAR(path.at<float>(y, x), chord, chord < 0.5e-3 ? 0.15e-3 : 2 * kTolerance)
+            << tilt_deg << " deg, " << ra << " to " << rb << " at " << x << ", " << y;
+      }
+    }
+  }
+  EXPECT_GT(inside, 700);
+}
+
 TEST(PathLength, SeesAVesselEndOn) {
   XrayCamera::Parameters p = wideCamera().parameters();
   p.cx_px = 200, p.cy_px = 150;  // A pixel whose ray runs exactly along the axis.

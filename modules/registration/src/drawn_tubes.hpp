@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "angio/registration/namespace.hpp"
@@ -12,9 +13,10 @@ namespace angio::registration {
 /// would come and go with the pose.
 inline std::vector<Tube> withMinRadius(std::vector<Tube> tubes, double min_radius_m) {
   for (Tube& tube : tubes) {
-    if (tube.radius_m >= min_radius_m) continue;
-    tube.density *= (tube.radius_m * tube.radius_m) / (min_radius_m * min_radius_m);
-    tube.radius_m = min_radius_m;
+    const double before_m2 = tube.radius_a_m * tube.radius_a_m + tube.radius_b_m * tube.radius_b_m;
+    tube.radius_a_m = std::max(tube.radius_a_m, min_radius_m);
+    tube.radius_b_m = std::max(tube.radius_b_m, min_radius_m);
+    tube.density *= before_m2 / (tube.radius_a_m * tube.radius_a_m + tube.radius_b_m * tube.radius_b_m);
   }
   return tubes;
 }

@@ -59,8 +59,8 @@ std::vector<Tube> tubesOf(const Device& device) {
     const double length = (tip - back).norm(), radius = 0.5 * device.diameter_m;
     const double marked = std::clamp((device.marker_length_m - to_tip) / std::max(length, 1e-12), 0.0, 1.0);
     const Eigen::Vector3d border = tip + marked * (back - tip);
-    if (marked > 0) tubes.push_back({border, tip, radius, device.marker_attenuation_per_m});
-    if (marked < 1) tubes.push_back({back, border, radius, device.attenuation_per_m});
+    if (marked > 0) tubes.push_back({border, tip, radius, radius, device.marker_attenuation_per_m});
+    if (marked < 1) tubes.push_back({back, border, radius, radius, device.attenuation_per_m});
     to_tip += length;
   }
   return tubes;

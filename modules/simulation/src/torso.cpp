@@ -84,8 +84,8 @@ void addRib(double s, double side, int number, const Vector3d& origin, LongBones
     if (i > 0) {
       // Thin where it turns to cartilage and where it meets the spine.
       const double solid = std::min({1.0, 0.15 + 0.2 * i, 0.1 * (kSteps + 1 - i)});
-      bones.bone.push_back({last - origin, p - origin, 5.4e-3, solid});
-      bones.marrow.push_back({last - origin, p - origin, 4.3e-3, solid});
+      bones.bone.push_back({last - origin, p - origin, 5.4e-3, 5.4e-3, solid});
+      bones.marrow.push_back({last - origin, p - origin, 4.3e-3, 4.3e-3, solid});
     }
     last = p;
   }

@@ -21,8 +21,13 @@ struct TubeRow {
   float ox, ox_step, oy;
 };
 
-struct TubeAxis {
-  float x, y, z, length, radius;
+// Of a tapered tube: its side is the cone that touches both ends' balls. Its normals have the slope `sine` along the
+// axis; it touches the balls at the places `from` and `to` along the axis, which are none where one ball holds the
+// other.
+struct TubeShape {
+  float x, y, z, length;  // Axis.
+  float radius_a, radius_b;
+  float sine, from, to;
 };
 }  // namespace angio::tubes
 #endif
@@ -33,11 +38,15 @@ namespace HWY_NAMESPACE {
 
 // Entry and exit of each ray, as depth t from the tube's end a; exit is not above entry where the ray misses.
 //
-// The cylinder around the axis u is met where |(o + t d) x u| = r. Where that is beyond an end, the ray enters or
-// leaves through the sphere at that end, or not at all: a tube is convex, and its sphere fills the cylinder's section
-// at the end. No branches: the compiler makes vectors of it.
-void meetTube(const TubeAxis& u, const TubeRow& row, int count, float* __restrict entry, float* __restrict exit) {
-  const float r2 = u.radius * u.radius;
+// A tube is convex and the hull of its two balls. Its surface is parts of both balls and, between the circles where it
+// touches them, of the cone around them. The ray enters at the first of what it meets of these and leaves at the last:
+// what of a ball is not on the surface is inside. A point p of the cone has c |p - (u p) u| = r_a - s (u p), where s
+// and c are sine and cosine of the normals' slope; squared, and with c^2 + s^2 = 1, c^2 |p|^2 - (u p)^2 + 2 r_a s (u p)
+// = r_a^2. No branches: the compiler makes vectors of it.
+void meetTube(const TubeShape& u, const TubeRow& row, int count, float* __restrict entry, float* __restrict exit) {
+  constexpr float kFar = 1e3F;
+  const float s = u.sine, s2 = s * s, c2 = 1.0F - s2, shift = u.radius_a * s;
+  const float ra2 = u.radius_a * u.radius_a, rb2 = u.radius_b * u.radius_b;
   const float wx = u.y - u.z * row.dy;
   for (int i = 0; i < count; ++i) {
     const float dx = row.dx + static_cast<float>(i) * row.dx_step;
@@ -45,31 +54,42 @@ void meetTube(const TubeAxis& u, const TubeRow& row, int count, float* __restric
     const float wy = u.z * dx - u.x;  // w = u x d.
     const float wz = u.x * row.dy - u.y * dx;
     const float ww = wx * wx + wy * wy + wz * wz;
-    const float a = ww > 1e-12F ? ww : 1e-12F;  // A ray along the axis meets the cylinder far beyond both ends.
-    const float wo = wx * ox + wy * row.oy;
-    const float h = r2 * a - wo * wo;
     const float dd = dx * dx + row.dy * row.dy + 1.0F;
     const float oo = ox * ox + row.oy * row.oy;
     const float d_o = dx * ox + row.dy * row.oy;
     const float ud = u.x * dx + u.y * row.dy + u.z;
     const float uo = u.x * ox + u.y * row.oy;
-    const float b = d_o - ud * uo;
+
+    // The cone: a t^2 + 2 b t + c = 0. The root of larger size first, and the other by their product, so that neither
+    // is a difference of nearly equal numbers where the ray runs along the cone's side and a is next to nothing.
+    const float a = ww - s2 * dd;
+    const float b = c2 * d_o - ud * (uo - shift);
+    const float c = c2 * oo - uo * uo + 2.0F * shift * uo - ra2;
+    const float h = b * b - a * c;
     const float root = std::sqrt(h > 0.0F ? h : 0.0F);
-    const float t0 = (-b - root) / a, t1 = (-b + root) / a;
-    const float s0 = uo + t0 * ud, s1 = uo + t1 * ud;  // Places along the axis.
+    const float q = b > 0.0F ? -b - root : root - b;
+    const float ta = q / (a != 0.0F ? a : 1e-30F), tb = c / (q != 0.0F ? q : 1e-30F);
+    const float xa = uo + ta * ud, xb = uo + tb * ud;  // Places along the axis.
+    const bool meets_a = (h > 0.0F) & (xa >= u.from) & (xa <= u.to);
+    const bool meets_b = (h > 0.0F) & (xb >= u.from) & (xb <= u.to);
 
-    const float end0 = s0 < 0.0F ? 0.0F : u.length, end1 = s1 < 0.0F ? 0.0F : u.length;
-    const float b0 = d_o - end0 * ud, b1 = d_o - end1 * ud;
-    const float h0 = b0 * b0 - dd * (oo - 2.0F * end0 * uo + end0 * end0 - r2);
-    const float h1 = b1 * b1 - dd * (oo - 2.0F * end1 * uo + end1 * end1 - r2);
-    const float cap0 = (-b0 - std::sqrt(h0 > 0.0F ? h0 : 0.0F)) / dd;
-    const float cap1 = (-b1 + std::sqrt(h1 > 0.0F ? h1 : 0.0F)) / dd;
+    // The balls.
+    const float d_ob = d_o - u.length * ud, oob = oo - u.length * (2.0F * uo - u.length);
+    const float ha = d_o * d_o - dd * (oo - ra2), hb = d_ob * d_ob - dd * (oob - rb2);
+    const float root_a = std::sqrt(ha > 0.0F ? ha : 0.0F), root_b = std::sqrt(hb > 0.0F ? hb : 0.0F);
 
-    const bool side0 = (s0 >= 0.0F) & (s0 <= u.length), side1 = (s1 >= 0.0F) & (s1 <= u.length);
-    const bool hit = (h > 0.0F) & (side0 | (h0 > 0.0F)) & (side1 | (h1 > 0.0F));
-    const float in = side0 ? t0 : cap0, out = side1 ? t1 : cap1;
+    float in = ha > 0.0F ? (-d_o - root_a) / dd : kFar, out = ha > 0.0F ? (-d_o + root_a) / dd : -kFar;
+    const float in_b = hb > 0.0F ? (-d_ob - root_b) / dd : kFar, out_b = hb > 0.0F ? (-d_ob + root_b) / dd : -kFar;
+    in = in_b < in ? in_b : in;
+    out = out_b > out ? out_b : out;
+    const float in_ca = meets_a ? ta : kFar, out_ca = meets_a ? ta : -kFar;
+    const float in_cb = meets_b ? tb : kFar, out_cb = meets_b ? tb : -kFar;
+    in = in_ca < in ? in_ca : in;
+    out = out_ca > out ? out_ca : out;
+    in = in_cb < in ? in_cb : in;
+    out = out_cb > out ? out_cb : out;
     entry[i] = in;
-    exit[i] = hit ? out : in;
+    exit[i] = out;
   }
 }
 
@@ -83,11 +103,11 @@ namespace {
 
 HWY_EXPORT(meetTube);
 
-constexpr double kRadiusStep = 0.04e-3;  // [m] Takes 0.6 % of the beam at most, half of a pixel's noise.
-constexpr double kMaxLength = 4e-3;      // [m] Keeps single precision at the tube's scale.
-constexpr double kNearest = 1e-3;        // [m] From the source; the cone of a tube that touches it has no bounds.
-constexpr int kMaxPieces = 256;          // Of one edge.
-constexpr double kEmpty = 1e-3;          // Density; takes nothing from the beam that a pixel could show.
+constexpr double kMaxLength = 4e-3;  // [m] Keeps single precision at the tube's scale.
+constexpr double kNearest = 1e-3;    // [m] From the source; the cone of a tube that touches it has no bounds.
+constexpr int kMaxPieces = 256;      // Of one edge.
+constexpr double kSteepest = 0.999;  // Taper by length, from where one ball holds nearly all of the other.
+constexpr double kEmpty = 1e-3;      // Density; takes nothing from the beam that a pixel could show.
 
 // The pixels that a tube may cover lie within reach of its projected axis.
 struct Footprint {
@@ -97,11 +117,11 @@ struct Footprint {
 
 // A point within r of c is seen within f r |c| / (c.z (c.z - r)) of c: Cauchy-Schwarz on the difference of the
 // quotients.
-Footprint footprint(const Tube& tube, const XrayCamera& camera) {
+Footprint footprint(const Tube& tube, double radius_m, const XrayCamera& camera) {
   const double slant = std::max(tube.a.norm() / tube.a.z(), tube.b.norm() / tube.b.z());
-  const double nearest = std::min(tube.a.z(), tube.b.z()) - tube.radius_m;
+  const double nearest = std::min(tube.a.z(), tube.b.z()) - radius_m;
   const double focal = std::max(camera.parameters().fx_px, camera.parameters().fy_px);
-  return {*camera.project(tube.a), *camera.project(tube.b), focal * tube.radius_m * slant / nearest + 1e-3};
+  return {*camera.project(tube.a), *camera.project(tube.b), focal * radius_m * slant / nearest + 1e-3};
 }
 
 // Whole pixels between two positions and on the detector: [first, second).
@@ -123,6 +143,28 @@ std::pair<int, int> columns(const Footprint& f, int y, int width) {
   return pixelsBetween(low, high, width);
 }
 
+TubeShape shapeOf(const Tube& tube) {
+  const Eigen::Vector3d along = tube.b - tube.a;
+  const double length = along.norm(), taper = tube.radius_a_m - tube.radius_b_m;
+  const Eigen::Vector3f u = (length > 0 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX()).cast<float>();
+  TubeShape shape{u.x(),
+                  u.y(),
+                  u.z(),
+                  static_cast<float>(length),
+                  static_cast<float>(tube.radius_a_m),
+                  static_cast<float>(tube.radius_b_m),
+                  0,
+                  1,
+                  0};
+  if (std::abs(taper) < kSteepest * length) {  // Else the side is no longer than the balls' difference shows anyway.
+    const double sine = taper / length;
+    shape.sine = static_cast<float>(sine);
+    shape.from = static_cast<float>(sine * tube.radius_a_m);
+    shape.to = static_cast<float>(length + sine * tube.radius_b_m);
+  }
+  return shape;
+}
+
 }  // namespace
 
 TubeTree::TubeTree(const VesselTree& tree) {
@@ -131,11 +173,11 @@ TubeTree::TubeTree(const VesselTree& tree) {
       const int from = branch[k - 1], to = branch[k];
       const double length = (tree.points().col(to) - tree.points().col(from)).norm();
       const double radius = tree.radii()[from].value(), change = tree.radii()[to].value() - radius;
-      const double wanted = std::ceil(std::max(std::abs(change) / kRadiusStep, length / kMaxLength));
-      const int count = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMaxPieces)));
+      const int count =
+          static_cast<int>(std::clamp(std::ceil(length / kMaxLength), 1.0, static_cast<double>(kMaxPieces)));
       for (int p = 0; p < count; ++p) {
-        pieces_.push_back({from, to, static_cast<double>(p) / count, static_cast<double>(p + 1) / count,
-                           radius + change * (p + 0.5) / count});
+        const double begin = static_cast<double>(p) / count, end = static_cast<double>(p + 1) / count;
+        pieces_.push_back({from, to, begin, end, radius + begin * change, radius + end * change});
       }
     }
   }
@@ -151,7 +193,7 @@ const std::vector<Tube>& TubeTree::tubes(const Eigen::Matrix3Xd& points, const E
       if (density < kEmpty) continue;
     }
     const Eigen::Vector3d a = points.col(piece.from), step = points.col(piece.to) - a;
-    tubes_.push_back({a + piece.begin * step, a + piece.end * step, piece.radius_m, density});
+    tubes_.push_back({a + piece.begin * step, a + piece.end * step, piece.radius_begin_m, piece.radius_end_m, density});
   }
   return tubes_;
 }
@@ -190,17 +232,15 @@ void PathLengths::insert(Band& band, Interval added) {
 }
 
 void PathLengths::add(const Tube& tube, const XrayCamera& camera, Band& band) {
-  if (std::min(tube.a.z(), tube.b.z()) <= tube.radius_m + kNearest) return;
+  const double widest_m = std::max(tube.radius_a_m, tube.radius_b_m);
+  if (std::min(tube.a.z(), tube.b.z()) <= widest_m + kNearest) return;
   const auto& K = camera.parameters();
-  const Footprint f = footprint(tube, camera);
+  const Footprint f = footprint(tube, widest_m, camera);
   const auto [first, last] =
       pixelsBetween(std::min(f.a.y(), f.b.y()) - f.reach, std::max(f.a.y(), f.b.y()) + f.reach, K.height_px);
   const int top = std::max(first, band.top), bottom = std::min(last, band.bottom);
   if (top >= bottom) return;
-  const Eigen::Vector3d along = tube.b - tube.a;
-  const double length = along.norm();
-  const Eigen::Vector3f u = (length > 0 ? Eigen::Vector3d(along / length) : Eigen::Vector3d::UnitX()).cast<float>();
-  const TubeAxis axis{u.x(), u.y(), u.z(), static_cast<float>(length), static_cast<float>(tube.radius_m)};
+  const TubeShape shape = shapeOf(tube);
   const float depth = static_cast<float>(tube.a.z() - origin_z_), density = static_cast<float>(tube.density);
 
   for (int y = top; y < bottom; ++y) {
@@ -214,7 +254,7 @@ void PathLengths::add(const Tube& tube, const XrayCamera& camera, Band& band) {
     row.ox_step = static_cast<float>(tube.a.z() / K.fx_px);
     row.oy = static_cast<float>((y - f.a.y()) * tube.a.z() / K.fy_px);
     const float *z_in = band.z_in.data(), *z_out = band.z_out.data();
-    HWY_DYNAMIC_DISPATCH(meetTube)(axis, row, right - left, band.z_in.data(), band.z_out.data());
+    HWY_DYNAMIC_DISPATCH(meetTube)(shape, row, right - left, band.z_in.data(), band.z_out.data());
     for (int i = 0; i < right - left; ++i) {
       if (z_out[i] > z_in[i]) {
         insert(band, {depth + z_in[i], depth + z_out[i], density, -1, y * K.width_px + left + i});
@@ -235,7 +275,8 @@ void PathLengths::computeBand(const std::vector<Tube>& tubes, const XrayCamera& 
   band.z_in.resize(K.width_px);
   band.z_out.resize(K.width_px);
   for (const Tube& tube : tubes) {
-    add({T_camera_model * tube.a, T_camera_model * tube.b, tube.radius_m, tube.density}, camera, band);
+    add({T_camera_model * tube.a, T_camera_model * tube.b, tube.radius_a_m, tube.radius_b_m, tube.density}, camera,
+        band);
   }
   for (const Interval& interval : band.intervals) {
     const double dx = (interval.pixel % K.width_px - K.cx_px) / K.fx_px;

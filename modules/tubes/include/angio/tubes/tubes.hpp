@@ -14,11 +14,12 @@
 
 namespace angio::tubes {
 
-/// A straight tube with round ends: all points within `radius_m` of the segment from a to b [m].
+/// A straight tube with round ends, tapered from a to b: what a ball sweeps that moves from a to b [m] while its radius
+/// goes from `radius_a_m` to `radius_b_m`, as the convex hull of both ends' balls.
 struct Tube {
   Eigen::Vector3d a, b;
-  double radius_m;
-  double density = 1;  ///< Of what is in it, as a part of the full one.
+  double radius_a_m, radius_b_m;
+  double density;  ///< Of what is in it, as a part of the full one.
 };
 
 /// A tree's edges as tubes, branch by branch, wherever its points are and however much contrast agent is there.
@@ -35,7 +36,7 @@ class TubeTree {
   struct Piece {
     int from, to;       // Points of the tree.
     double begin, end;  // Parts of the edge.
-    double radius_m;
+    double radius_begin_m, radius_end_m;
   };
   std::vector<Piece> pieces_;
   mutable std::vector<Tube> tubes_;
