@@ -14,7 +14,7 @@ enum class CatheterModel { kKinematic, kElastic };
 /// What a command line says of a simulated catheter: its model, and of an elastic one what no settings file says.
 struct CatheterOptions {
   CatheterModel model = CatheterModel::kKinematic;
-  std::optional<double> shaft_bending_n_mm2, tip_bending_n_mm2, wall_friction;
+  std::optional<double> shaft_bending_n_mm2, tip_bending_n_mm2, soft_length_mm, wall_friction;
 
   void addTo(cli::Command& command);
 

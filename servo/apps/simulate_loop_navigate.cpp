@@ -140,6 +140,7 @@ Json catheterAsJson(const CatheterSettings& catheter) {
   return {{"model", "elastic"},
           {"shaft_bending_n_mm2", elastic.shaft_bending_n_mm2},
           {"tip_bending_n_mm2", elastic.tip_bending_n_mm2},
+          {"soft_length_mm", elastic.soft_length_mm},
           {"wall_friction", elastic.wall_friction}};
 }
 

@@ -265,6 +265,20 @@ TEST(ElasticCatheter, PushesAgainstTheEndWithWhatTheDriveCanAndNoMore) {
   EXPECT_LT(catheter.truth().tip_force_n, 0.1);
 }
 
+// The stiff shaft is still outside the branch's bend where the soft part is long, and is in it where that is short.
+TEST(ElasticCatheter, ALongSoftPartTakesABendWithLess) {
+  const auto most_n = [](double soft_length_mm) {
+    CatheterSettings settings = elasticCatheter();
+    settings.elastic->shaft_bending_n_mm2 = 30;
+    settings.elastic->soft_length_mm = soft_length_mm;
+    SimulatedCatheter catheter(fork(), settings, {0, 0.08}, 0);
+    drive(catheter, 4, 0.01);
+    EXPECT_NE(catheter.truth().tip.branch, 0);
+    return catheter.state().insertion_force_n;
+  };
+  EXPECT_GT(most_n(10), 1.5 * most_n(200));
+}
+
 TEST(ElasticCatheter, ItsShapeMovesWithTheTissue) {
   const VesselTree tree = fork();
   SimulatedCatheter catheter(tree, elasticCatheter(), {0, 0.09}, 0);

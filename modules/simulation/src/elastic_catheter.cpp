@@ -20,6 +20,7 @@ rod::RodSettings rodOf(const CatheterSettings& catheter) {
   rod.radius_m = 0.5e-3 * catheter.diameter_mm;
   rod.shaft_bending_n_m2 = 1e-6 * elastic.shaft_bending_n_mm2;
   rod.tip_bending_n_m2 = 1e-6 * elastic.tip_bending_n_mm2;
+  rod.soft_length_m = 1e-3 * elastic.soft_length_mm;
   rod.tip_length_m = 1e-3 * catheter.tip_length_mm;
   rod.bend_length_m = 0.4 * rod.tip_length_m;
   rod.tip_spacing_m = std::min(1e-3, 0.1 * rod.tip_length_m);

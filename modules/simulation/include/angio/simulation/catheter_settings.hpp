@@ -14,13 +14,15 @@ namespace angio::simulation {
 /// One of 5 French and a braided shaft has some 200 N mm^2 (sources: rod::RodSettings).
 struct ElasticCatheterSettings {
   double shaft_bending_n_mm2 = 3;  ///< E I.
-  double tip_bending_n_mm2 = 1;    ///< The same of the tip; the 60 mm behind it lead over.
+  double tip_bending_n_mm2 = 1;    ///< The same of the tip.
+  double soft_length_mm = 60;      ///< Behind the tip, from whose stiffness the shaft comes to its own.
   double wall_friction = 0.05;     ///< Coulomb's coefficient.
 
   /// Only checks: these are no keys of settings files.
   void visit(SettingsVisitor& v) {
     v.fixed("shaft_bending_n_mm2", shaft_bending_n_mm2, 0.1, 1e4);
     v.fixed("tip_bending_n_mm2", tip_bending_n_mm2, 0.1, 1e4);
+    v.fixed("soft_length_mm", soft_length_mm, 1, 1000);
     v.fixed("wall_friction", wall_friction, 0, 0.5);
   }
 };
