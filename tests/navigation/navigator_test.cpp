@@ -99,6 +99,24 @@ TEST_F(NavigatorTest, EveryDoubtStandsStillAndSaysWhy) {
   }
 }
 
+// One view may not show a tip at all. Standing still in front of it for good shows it no better.
+TEST_F(NavigatorTest, AsksForViewAfterViewWhileItSeesNoTip) {
+  Navigator blind(tree, {target, 3e-3}, {});
+  NavigationInput unseen = inputAt(map, {map.pathTo(target).front(), 10e-3});
+  unseen.belief.reset();
+  int asked = 0;
+  double went_m = 0;
+  for (double passed_s = 0; passed_s < 60; passed_s += unseen.period_s) {
+    const NavigationAnswer answer = blind.step(unseen);
+    asked += answer.another_view;
+    went_m += answer.command.insertion_speed_m_per_s * unseen.period_s;
+    EXPECT_LE(answer.command.insertion_speed_m_per_s, 0);
+  }
+  EXPECT_GE(asked, 4);
+  EXPECT_LE(asked, 7);
+  EXPECT_NEAR(went_m, -1e-3 * NavigatorSettings::retreat_mm, 1e-3);
+}
+
 // A tip that may stand on either side of the axis, along the beam, is turned once: what its turn shows tells which.
 TEST_F(NavigatorTest, TurnsATipOnceWhosePlaceBesideTheAxisIsOpen) {
   NavigationInput input = inputAt(map, {map.pathTo(target).front(), 10e-3});
@@ -206,6 +224,10 @@ TEST_F(NavigatorTest, PushesALooseTipOnThatATurnBroughtIntoTheWantedBranch) {
     input.belief = inputAt(map, {other, slipped_m + 5e-3}).belief;
     for (int i = 0; i < 20 && answer.state != NavigationState::kBackingOff; ++i) answer = steering.step(input);
     ASSERT_EQ(answer.state, NavigationState::kBackingOff);
+    // Nor from where it springs to while it is pulled.
+    input.belief = inputAt(map, {branch, 0.9 * map.length_m(branch)}).belief;
+    for (int i = 0; i < 10; ++i) answer = steering.step(input);
+    EXPECT_EQ(answer.state, NavigationState::kBackingOff);
     input.belief = inputAt(map, {first, map.length_m(first) - 19e-3}).belief;
     for (int i = 0; i < 60; ++i) answer = steering.step(input);
     input.belief = before;
@@ -299,6 +321,29 @@ TEST_F(NavigatorTest, ALooseTipThatSpringsOnLeavesTheRestOfTheLengthToBePushedIn
   }
   // What is left of the 20 mm, and the stall that is one of a loose catheter; in half millimetres.
   EXPECT_NEAR(input.drive.insertion_m - from_m, 12e-3 + 25e-3, 0.6e-3);
+}
+
+// What does not arrive at a tip behind an ostium makes a loop in the wide vessel, which takes the tip out again: it is
+// pushed no longer than a firm one, and coming back does not count as following.
+TEST_F(NavigatorTest, ALooseTipBehindAWideVesselIsNotPushedOutAgain) {
+  std::vector<std::optional<double>> radii(tree.size(), 1e-3);
+  for (const int point : map.points(first)) radii[static_cast<std::size_t>(point)] = 5e-3;
+  const VesselTree ostium{tree.points(), tree.parents(), radii};
+  for (const double back_per_step_m : {0.0, 0.1e-3}) {
+    Navigator steering(ostium, {target, 3e-3}, {});
+    TreeLocation place{wanted, 0.6 * map.length_m(wanted)};
+    NavigationInput input = inputAt(map, place);
+    input.drive.insertion_m = 0.1;
+    showLooseTip(steering, input);
+    const double from_m = input.drive.insertion_m;
+    while (steering.step(input).state != NavigationState::kBackingOff) {
+      ASSERT_LT(input.drive.insertion_m, from_m + 80e-3);
+      input.drive.insertion_m += 0.5e-3;
+      place.arc_m -= back_per_step_m;
+      input.belief = inputAt(map, place).belief;
+    }
+    EXPECT_NEAR(input.drive.insertion_m - from_m, 12e-3, 0.6e-3) << back_per_step_m;
+  }
 }
 
 TEST_F(NavigatorTest, StopsWhereItWasToGo) {

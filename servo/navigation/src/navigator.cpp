@@ -24,6 +24,7 @@ constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
 constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner walls, and is pushed to the outer first.
 constexpr double kMaxLooseSlack_m = 30e-3;  // The same of a loose one, by what it took to move its tip again.
 constexpr double kMuchSlack_m = 6e-3;
+constexpr double kWide_m = 3.5e-3;     // Radius of a wide vessel.
 constexpr double kJump_m = 6e-3;       // Between two frames: more than any command does.
 constexpr double kLeap_m = 5e-3;       // A tip that is seen in another branch would have gone back by so much, and on.
 constexpr double kSurelyLoose = 0.6;   // Looseness from which a catheter is taken for a loose one.
@@ -31,6 +32,8 @@ constexpr double kAimOfTip = 0.6;      // Of its length: a tip is aimed no later
 constexpr double kAimIn = 0.3;         // Of a branch's length: a loose tip is aimed no earlier before its end.
 constexpr int kLooseTriesOfAView = 4;  // Its views are chosen for their forks.
 constexpr double kAtFork_m = 20e-3;    // What a wall holds further away is not held by the fork.
+constexpr double kAskAgain_s = 10;     // In lasting doubt, from view to view.
+constexpr int kPlaces = 5;             // Of tries that go by turns; no divisor of the number of turns.
 constexpr int kMaxHeld = 2;            // Tries with the same turn, each with more bend.
 constexpr int kTriesInAll = 6;         // At all forks, times those at one.
 
@@ -120,7 +123,6 @@ NavigationAnswer Navigator::decide(const NavigationInput& input) {
     asked_of_leap_ = true;
     return {{}, NavigationState::kWaiting, "the tip seems to be in a branch that it has no way to", true};
   }
-  asked_of_leap_ = false;
   observe(input, path_m);
 
   const auto view = viewRoute(map_, target_.branch, *input.belief, kNear_m);
@@ -198,12 +200,14 @@ TipOffset Navigator::bentOffset() const {
 NavigationAnswer Navigator::holdUnsure(const NavigationInput& input, const std::string& why) {
   doubtful_s_ += input.period_s;
   since_.reset();
-  if (doubtful_s_ >= settings_.patience_s && !asked_) {
+  // Once at first, and again for as long as the doubt stays where going back is over.
+  const bool retreated = retreated_m_ >= 1e-3 * settings_.retreat_mm;
+  if (doubtful_s_ >= settings_.patience_s && (!asked_ || (retreated && doubtful_s_ >= kAskAgain_s))) {
     asked_ = true;
     doubtful_s_ = 0;
     return {{}, NavigationState::kWaiting, why, true};
   }
-  if (doubtful_s_ < settings_.patience_s || retreated_m_ >= 1e-3 * settings_.retreat_mm) {
+  if (doubtful_s_ < settings_.patience_s || retreated) {
     return {{}, NavigationState::kWaiting, why};
   }
   const double speed = 1e-3 * settings_.fork_speed_mm_per_s;
@@ -230,17 +234,31 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
     return "the drive pushes too hard";
   }
   if (!pushing) return std::nullopt;
-  if (!since_ || std::abs(path_m - since_->second) > kFirmSlide_m) {
+  const bool comes_out = isLoose() && leavesWideVessel(input.belief->tip.branch);
+  const double slid_m = since_ ? path_m - since_->second : 0.0;
+  if (!since_ || slid_m > kFirmSlide_m || (slid_m < -kFirmSlide_m && !comes_out)) {
     // A loose shaft takes up what it was pulled back by in parts: its tip springs on in between.
     if (since_ && path_m > since_->second)
       slack_m_ = isLoose() ? std::max(slack_m_ - (input.drive.insertion_m - since_->first), 0.0) : 0.0;
     since_ = {input.drive.insertion_m, path_m};
   }
-  const double stall_m = 1e-3 * (isLoose() ? settings_.loose_stall_mm : settings_.stall_mm);
+  const double stall_m = 1e-3 * (isLoose() && !comes_out ? settings_.loose_stall_mm : settings_.stall_mm);
   if (input.drive.insertion_m - since_->first < stall_m + slack_m_) return std::nullopt;
   since_.reset();
   return "the tip does not follow the drive";
 }
+
+// Whether a branch is a narrow one behind a wide one. What of a loose shaft does not arrive at the tip there makes a
+// loop in the wide vessel, which takes the tip out again: a tip that stands or comes back is pushed no further.
+bool Navigator::leavesWideVessel(int branch) const {
+  if (isWide(branch)) return false;
+  for (auto parent = map_.parent(branch); parent; parent = map_.parent(*parent)) {
+    if (isWide(*parent)) return true;
+  }
+  return false;
+}
+
+bool Navigator::isWide(int branch) const { return end_radii_m_[branch] > kWide_m; }
 
 NavigationAnswer Navigator::follow(const NavigationInput& input, const RouteView& view) {
   state_ = NavigationState::kFollowing;
@@ -285,13 +303,15 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   // A tip that slipped in and fell out would do so at each turn past that place.
   ignores_slips_ = std::exchange(slipped_, false);
   missed_beside_ = !view.on_route;
+  asked_of_leap_ = false;
   const bool at_fork = fresh || (view.next && view.to_fork_m < kAtFork_m);
   held_ = missed_beside_ || !at_fork || held_ == kMaxHeld ? 0 : held_ + 1;
   why_ = why;
   state_ = NavigationState::kBackingOff;
   const double start_m = map_.start_m(branch), fork_m = start_m + map_.length_m(branch);
   // Elsewhere each time: in a short branch, where exactly the tip stands decides what it can still be aimed for.
-  const double back_m = 1e-3 * (settings_.back_mm + 0.7 * tries);
+  // A loose tip that hangs at an ostium springs far back when it is pulled much: its places repeat.
+  const double back_m = 1e-3 * (settings_.back_mm + 0.7 * (isLoose() ? tries % kPlaces : tries));
   const double min_m = start_m + std::min(2e-3, (0.2 + 0.15 * (tries % 5)) * map_.length_m(branch));
   back_to_m_ = std::max(std::min(fork_m, path_m) - back_m, min_m);
   NavigationAnswer answer = backOff(input, view);
@@ -304,8 +324,12 @@ NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteVie
   if (path_m <= back_to_m_ && view.on_route) {
     return goesByTurns(view.branch) ? startTurn(input, view.next) : follow(input, view);
   }
-  // A loose tip that is pulled springs, and sometimes into the branch that it is to go to.
-  if (isLoose() && missed_beside_ && hasEntered(input)) return enter(input, view);
+  // A loose tip that is pulled springs, and sometimes into the branch that it is to go to. Where it fell out of that
+  // when it was pushed, it is turned.
+  if (isLoose() && missed_beside_ && !ignores_slips_ && hasEntered(input)) {
+    slipped_ = true;
+    return enter(input, view);
+  }
   if (path_m <= 1e-3) return follow(input, view);
   if (input.drive.insertion_force_n <= -DriveForceLimiter::full_share * settings_.max_force_n) {  // It is hooked.
     state_ = NavigationState::kFollowing;

@@ -26,7 +26,6 @@ constexpr double kOfBest = 0.75;              // Of the best slope of a search t
 constexpr double kAround_rad = 2.2 * kPi;     // Of a search.
 constexpr int kMaxSearches = 3;               // In a try; one in a wide vessel, where the tip's side is hardly seen.
 constexpr int kSearchedTries = 2;             // In a narrow vessel, before tries go by turns.
-constexpr double kWide_m = 3.5e-3;            // Radius of a wide one.
 constexpr double kNextTurn_rad = 0.75 * kPi;  // From try to try: eight of them are 45 deg apart.
 constexpr double kMoreBend_rad = 0.7;         // After a wall has held it at the same turn.
 constexpr int kTurns = 8;                     // With a tip that is not bent; then with a bent one.
@@ -37,7 +36,7 @@ constexpr double kFullLook_rad = 2.2 * kPi;
 constexpr double kLooked_m = 30e-3;         // A tip that has slid further may have turned.
 constexpr double kSureOfWrongBranch = 0.9;  // Probability of a wrong branch that is worth going back at once.
 constexpr double kConfirmIn = 0.5;          // Of the radius of the vessel in front of the fork.
-constexpr double kSlippedIn = 0.4;          // Of that, for a tip that is turned and not pushed.
+constexpr double kSlippedIn = 0.8;          // Of that, for a tip that is turned and not pushed.
 constexpr double kEntered = 0.8;            // Probability of the wanted branch that is enough to go on.
 constexpr double kMinMargin_rad = 0.1;      // For one aim to serve several forks.
 
@@ -257,7 +256,7 @@ NavigationAnswer Navigator::startTurn(const NavigationInput& input, std::optiona
 // is none to search in front of.
 bool Navigator::goesByTurns(int branch) const {
   const auto tries = tries_.find(branch);
-  const int searched = branch == target_.branch || end_radii_m_[branch] > kWide_m ? 0 : kSearchedTries;
+  const int searched = branch == target_.branch || isWide(branch) ? 0 : kSearchedTries;
   return isLoose() && tries != tries_.end() && tries->second > searched;
 }
 
@@ -296,6 +295,7 @@ NavigationAnswer Navigator::enter(const NavigationInput& input, const RouteView&
   asked_for_side_ = false;
   held_ = 0;
   turn_to_rad_.reset();
+  asked_of_leap_ = false;
   ignores_slips_ = false;  // Not slipped_: what has entered so may still fall out.
   return follow(input, view);
 }
@@ -310,7 +310,7 @@ NavigationAnswer Navigator::cross(const NavigationInput& input, const RouteView&
     roll_.entered(sidewaysOf(map_, *view.entered, tip.branch, lever_m));
     return miss(input, view, "the tip has entered another branch");
   }
-  const int max_searches = end_radii_m_[*map_.parent(*planned_)] > kWide_m ? 1 : kMaxSearches;
+  const int max_searches = isWide(*map_.parent(*planned_)) ? 1 : kMaxSearches;
   if (isLoose() && !turn_to_rad_ && beyond_m < 0 && searches_ < max_searches && sideOfForks().slope < kWrongSide) {
     planNext(aimed_for_.front());
     return startSearch(input);

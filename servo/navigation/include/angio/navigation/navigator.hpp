@@ -161,6 +161,8 @@ class Navigator {
   double pushSpeed(double speed_mm_per_s) const;
   NavigationAnswer go(const NavigationInput& input, double insertion_m_per_s, double roll_rad_per_s,
                       double bend_rad) const;
+  bool leavesWideVessel(int branch) const;
+  bool isWide(int branch) const;
   std::optional<std::string> resistance(const NavigationInput& input, double path_m);
   bool sureOf(const RouteView& view) const;
   bool leapt(const TreeLocation& place) const;
@@ -196,7 +198,7 @@ class Navigator {
   double slack_m_ = 0;  // That it was pulled back and has not been seen to take up again.
   double doubtful_s_ = 0, retreated_m_ = 0;
   bool asked_ = false, asked_ahead_ = false;  // For another view, while uncertain; behind this fork.
-  bool asked_of_leap_ = false;                // The same, where the tip seems to be in a branch that it cannot be in.
+  bool asked_of_leap_ = false;                // The same, in this try: it seems to be in a branch that it cannot be in.
   int jumped_ = 0, beside_frames_ = 0, there_frames_ = 0;
   std::map<int, int> tries_;  // At each fork, by the branch that ends there.
   int misses_ = 0;
