@@ -395,8 +395,8 @@ navigating() {
   "${neck[@]}" --targets "${TARGETS:-18}" --first-seed 103
   echo; echo "the same with an elastic catheter of 4 French; seeds 501-508 were tuned on"
   for one in "8 501" "${ARCH_TARGETS:-12} 901"; do
-    "${neck[@]}" --targets "${one% *}" --first-seed "${one#* }" --catheter elastic --shaft-bending-n-mm2 100 \
-      --tip-bending-n-mm2 10 --settings examples/08_tasks/arch_catheter.yaml
+    "${neck[@]}" --targets "${one% *}" --first-seed "${one#* }" --catheter elastic --shaft-bending-n-mm2 300 \
+      --tip-bending-n-mm2 10 --soft-length-mm 150 --settings examples/08_tasks/arch_catheter.yaml
   done
 }
 

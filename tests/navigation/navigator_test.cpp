@@ -343,6 +343,20 @@ TEST_F(NavigatorTest, ALooseTipBehindAWideVesselIsNotPushedOutAgain) {
       input.belief = inputAt(map, place).belief;
     }
     EXPECT_NEAR(input.drive.insertion_m - from_m, 12e-3, 0.6e-3) << back_per_step_m;
+    // Pulled, its tip goes on while the loop becomes straight. It is pulled until what went in while the tip stood is
+    // out, and then no further than until the tip comes back.
+    NavigationAnswer answer;
+    for (const double step_m : {1e-3, -1e-3}) {
+      for (int i = 0; i < 5; ++i) {
+        place.arc_m += step_m;
+        input.drive.insertion_m -= 3e-3;
+        input.belief = inputAt(map, place).belief;
+        answer = steering.step(input);
+        if (step_m < 0 && i >= 3) continue;
+        ASSERT_LT(answer.command.insertion_speed_m_per_s, 0) << i;
+      }
+    }
+    EXPECT_NE(answer.state, NavigationState::kBackingOff);
   }
 }
 

@@ -32,6 +32,7 @@ constexpr double kAimOfTip = 0.6;      // Of its length: a tip is aimed no later
 constexpr double kAimIn = 0.3;         // Of a branch's length: a loose tip is aimed no earlier before its end.
 constexpr int kLooseTriesOfAView = 4;  // Its views are chosen for their forks.
 constexpr double kAtFork_m = 20e-3;    // What a wall holds further away is not held by the fork.
+constexpr double kFreed_m = 4e-3;      // Back from where a loop was straight: a wall holds the tip no more.
 constexpr double kAskAgain_s = 10;     // In lasting doubt, from view to view.
 constexpr int kPlaces = 5;             // Of tries that go by turns; no divisor of the number of turns.
 constexpr int kMaxHeld = 2;            // Tries with the same turn, each with more bend.
@@ -230,6 +231,7 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
   const bool pushing = state_ == NavigationState::kFollowing || state_ == NavigationState::kCrossing;
   if (!pushing) since_.reset();
   if (pushing && input.drive.insertion_force_n >= DriveForceLimiter::full_share * settings_.max_force_n) {
+    stalled_from_m_ = since_ ? since_->first : input.drive.insertion_m;
     since_.reset();
     return "the drive pushes too hard";
   }
@@ -239,11 +241,12 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
   if (!since_ || slid_m > kFirmSlide_m || (slid_m < -kFirmSlide_m && !comes_out)) {
     // A loose shaft takes up what it was pulled back by in parts: its tip springs on in between.
     if (since_ && path_m > since_->second)
-      slack_m_ = isLoose() ? std::max(slack_m_ - (input.drive.insertion_m - since_->first), 0.0) : 0.0;
+      slack_m_ = isLoose() && !comes_out ? std::max(slack_m_ - (input.drive.insertion_m - since_->first), 0.0) : 0.0;
     since_ = {input.drive.insertion_m, path_m};
   }
   const double stall_m = 1e-3 * (isLoose() && !comes_out ? settings_.loose_stall_mm : settings_.stall_mm);
   if (input.drive.insertion_m - since_->first < stall_m + slack_m_) return std::nullopt;
+  stalled_from_m_ = since_->first;
   since_.reset();
   return "the tip does not follow the drive";
 }
@@ -303,6 +306,7 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   // A tip that slipped in and fell out would do so at each turn past that place.
   ignores_slips_ = std::exchange(slipped_, false);
   missed_beside_ = !view.on_route;
+  straightens_ = isLoose() && view.on_route && leavesWideVessel(input.belief->tip.branch) && stalled_from_m_;
   asked_of_leap_ = false;
   const bool at_fork = fresh || (view.next && view.to_fork_m < kAtFork_m);
   held_ = missed_beside_ || !at_fork || held_ == kMaxHeld ? 0 : held_ + 1;
@@ -321,6 +325,16 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
 
 NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteView& view) {
   const double path_m = map_.start_m(input.belief->tip.branch) + input.belief->tip.arc_m;
+  if (input.drive.insertion_force_n <= -DriveForceLimiter::full_share * settings_.max_force_n) {  // It is hooked.
+    state_ = NavigationState::kFollowing;
+    return view.on_route ? follow(input, view) : go(input, pushSpeed(settings_.fork_speed_mm_per_s), 0, 0);
+  }
+  // What went in while the tip stood made a loop in the wide vessel. Pulled straight, it takes its tip on: that is no
+  // way to go back by.
+  if (straightens_) {
+    if (input.drive.insertion_m > *stalled_from_m_) return pullBack(input);
+    back_to_m_ = std::max(back_to_m_, path_m - kFreed_m);
+  }
   if (path_m <= back_to_m_ && view.on_route) {
     return goesByTurns(view.branch) ? startTurn(input, view.next) : follow(input, view);
   }
@@ -331,10 +345,10 @@ NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteVie
     return enter(input, view);
   }
   if (path_m <= 1e-3) return follow(input, view);
-  if (input.drive.insertion_force_n <= -DriveForceLimiter::full_share * settings_.max_force_n) {  // It is hooked.
-    state_ = NavigationState::kFollowing;
-    return view.on_route ? follow(input, view) : go(input, pushSpeed(settings_.fork_speed_mm_per_s), 0, 0);
-  }
+  return pullBack(input);
+}
+
+NavigationAnswer Navigator::pullBack(const NavigationInput& input) const {
   NavigationAnswer answer = go(input, -1e-3 * settings_.back_speed_mm_per_s, 0, 0);
   answer.why = why_;
   return answer;

@@ -161,6 +161,7 @@ class Navigator {
   double pushSpeed(double speed_mm_per_s) const;
   NavigationAnswer go(const NavigationInput& input, double insertion_m_per_s, double roll_rad_per_s,
                       double bend_rad) const;
+  NavigationAnswer pullBack(const NavigationInput& input) const;
   bool leavesWideVessel(int branch) const;
   bool isWide(int branch) const;
   std::optional<std::string> resistance(const NavigationInput& input, double path_m);
@@ -221,6 +222,8 @@ class Navigator {
   std::optional<double> looked_at_m_;        // Along the path, in this try.
   double back_to_m_ = 0;                     // Path length to pull back to.
   bool missed_beside_ = false;               // The last miss was one beside the route.
+  bool straightens_ = false;                 // It was one of a shaft that may have made a loop.
+  std::optional<double> stalled_from_m_;     // Of the drive, when the tip last moved before it was held.
 };
 
 }  // namespace angio::navigation
