@@ -306,7 +306,7 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
   // A tip that slipped in and fell out would do so at each turn past that place.
   ignores_slips_ = std::exchange(slipped_, false);
   missed_beside_ = !view.on_route;
-  straightens_ = isLoose() && view.on_route && leavesWideVessel(input.belief->tip.branch) && stalled_from_m_;
+  makes_loop_ = isLoose() && view.on_route && leavesWideVessel(input.belief->tip.branch);
   asked_of_leap_ = false;
   const bool at_fork = fresh || (view.next && view.to_fork_m < kAtFork_m);
   held_ = missed_beside_ || !at_fork || held_ == kMaxHeld ? 0 : held_ + 1;
@@ -331,8 +331,8 @@ NavigationAnswer Navigator::backOff(const NavigationInput& input, const RouteVie
   }
   // What went in while the tip stood made a loop in the wide vessel. Pulled straight, it takes its tip on: that is no
   // way to go back by.
-  if (straightens_) {
-    if (input.drive.insertion_m > *stalled_from_m_) return pullBack(input);
+  if (makes_loop_) {
+    if (input.drive.insertion_m > stalled_from_m_) return pullBack(input);
     back_to_m_ = std::max(back_to_m_, path_m - kFreed_m);
   }
   if (path_m <= back_to_m_ && view.on_route) {

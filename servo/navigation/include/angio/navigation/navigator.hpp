@@ -222,8 +222,8 @@ class Navigator {
   std::optional<double> looked_at_m_;        // Along the path, in this try.
   double back_to_m_ = 0;                     // Path length to pull back to.
   bool missed_beside_ = false;               // The last miss was one beside the route.
-  bool straightens_ = false;                 // It was one of a shaft that may have made a loop.
-  std::optional<double> stalled_from_m_;     // Of the drive, when the tip last moved before it was held.
+  bool makes_loop_ = false;                  // It was one of a shaft that may have made a loop.
+  double stalled_from_m_ = 0;                // Of the drive, when the tip last moved before something held it.
 };
 
 }  // namespace angio::navigation
