@@ -26,8 +26,8 @@ void CatheterOptions::addTo(cli::Command& command) {
   ofElastic("--shaft-bending-n-mm2", shaft_bending_n_mm2,
             "Bending stiffness E I of an elastic catheter's shaft; 5 French: some 200", 0.1, 1e4);
   ofElastic("--tip-bending-n-mm2", tip_bending_n_mm2, "The same of its tip", 0.1, 1e4);
-  ofElastic("--soft-length-mm", soft_length_mm, "Of its shaft behind the tip, from whose stiffness it comes to its own",
-            1, 1000);
+  ofElastic("--soft-length-mm", soft_length_mm,
+            "Length behind the tip over which the stiffness grows from the tip's to the shaft's", 1, 1000);
   ofElastic("--wall-friction", wall_friction, "Coulomb's coefficient between an elastic catheter and the wall", 0, 0.5);
 }
 

@@ -77,8 +77,8 @@ TEST(PathLength, IsTheChordOfASphereForATubeWithoutLength) {
   }
 }
 
-// Whether a ball at p's nearest place of the sweep holds p. The balls' radii change evenly along the axis, so that the
-// deepest of p in any of them is that of a place of a quadratic equation; a fine search needs none of that.
+// Whether any ball of the sweep holds p. How deep p is in the ball at t is concave in t, so that a ternary search finds
+// the deepest; it shares no formula with the program.
 bool inSweep(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eigen::Vector3d& b, double ra, double rb) {
   double low = 0, high = 1;
   const auto depth = [&](double t) { return ra + t * (rb - ra) - (p - a - t * (b - a)).norm(); };  // Concave in t.

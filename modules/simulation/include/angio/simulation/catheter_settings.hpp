@@ -15,7 +15,7 @@ namespace angio::simulation {
 struct ElasticCatheterSettings {
   double shaft_bending_n_mm2 = 3;  ///< E I.
   double tip_bending_n_mm2 = 1;    ///< The same of the tip.
-  double soft_length_mm = 60;      ///< Behind the tip, from whose stiffness the shaft comes to its own.
+  double soft_length_mm = 60;      ///< Behind the tip, over which the stiffness grows from the tip's to the shaft's.
   double wall_friction = 0.05;     ///< Coulomb's coefficient.
 
   /// Only checks: these are no keys of settings files.
