@@ -26,7 +26,7 @@ constexpr double kOfBest = 0.75;              // Of the best slope of a search t
 constexpr double kAround_rad = 2.2 * kPi;     // Of a search.
 constexpr int kMaxSearches = 3;               // In a try; one in a wide vessel, where the tip's side is hardly seen.
 constexpr int kSearchedTries = 2;             // In a narrow vessel, before tries go by turns.
-constexpr double kNextTurn_rad = 0.75 * kPi;  // From try to try: eight of them are 45 deg apart.
+constexpr double kNextTurn_rad = 0.75 * kPi;  // Away from forks, from try to try: eight of them are 45 deg apart.
 constexpr double kMoreBend_rad = 0.7;         // After a wall has held it at the same turn.
 constexpr int kTurns = 8;                     // With a tip that is not bent; then with a bent one.
 
@@ -69,6 +69,7 @@ NavigationAnswer Navigator::atFork(const NavigationInput& input, const RouteView
 NavigationAnswer Navigator::startCrossing(const NavigationInput& input, double bend_rad) {
   state_ = NavigationState::kCrossing;
   aim_bend_rad_ = bend_rad;
+  pushed_at_ = std::pair(input.drive.roll_rad, bend_rad);
   crossed_roll_rad_ = turn_to_rad_.value_or(input.drive.roll_rad);
   asked_ahead_ = false;
   inside_frames_ = 0;
@@ -228,28 +229,35 @@ NavigationAnswer Navigator::search(const NavigationInput& input) {
   return go(input, 0, steady_frames_ > 0 ? 0.0 : degToRad(settings_.roll_speed_deg_per_s), aim_bend_rad_);
 }
 
-// A fork that a loose catheter has missed is tried again with its tip turned further, whatever the image shows: 2 to 5
-// of 8 directions lead into most branches of a liver and of an aortic arch, by rods whose true place was known, and
-// they are not always those in which the tip points. Away from forks, where there is no `next`, another side leaves a
-// wall.
+// A fork that a loose catheter has missed is tried again with its tip turned to where earlier turns have left a gap,
+// whatever the image shows: 1 to 5 of 8 directions lead into most branches of a liver and of an aortic arch, by rods
+// whose true place was known, and they are not always those in which the tip points. Away from forks, where there is no
+// `next`, another side leaves a wall.
 NavigationAnswer Navigator::startTurn(const NavigationInput& input, std::optional<int> next) {
-  double from_rad = input.drive.roll_rad;
+  double roll_rad = input.drive.roll_rad + kNextTurn_rad;
   if (next) {
     planNext(*next);
-    from_rad = crossed_roll_rad_;
     if (tries_[*map_.parent(*next)] <= kTurns) aim_bend_rad_ = 0;
     aim_bend_rad_ = std::min(aim_bend_rad_ + held_ * kMoreBend_rad, degToRad(settings_.max_bend_deg));
+    roll_rad = held_ > 0 ? crossed_roll_rad_ : turns_[*map_.parent(*next)].next(aim_bend_rad_);
   } else {
     planned_.reset();
     aim_bend_rad_ = 0;
   }
   // Forwards, unless it is just a little too far.
-  const double left = std::remainder(from_rad + (held_ > 0 ? 0 : kNextTurn_rad) - input.drive.roll_rad, 2 * kPi);
+  const double left = std::remainder(roll_rad - input.drive.roll_rad, 2 * kPi);
   turn_to_rad_ = input.drive.roll_rad + (left < -degToRad(settings_.angle_deg) ? left + 2 * kPi : left);
   state_ = NavigationState::kAiming;
   searching_ = false;
   aimed_s_ = 0;
   return aim(input);
+}
+
+// Where the present try's turn led first: what it does later, deep in that branch, says nothing of the fork.
+void Navigator::noteTurn(int fork, std::optional<int> entered) {
+  if (!pushed_at_) return;
+  turns_[fork].add(pushed_at_->first, pushed_at_->second, entered);
+  pushed_at_.reset();
 }
 
 // Whether the fork at a branch's end has been missed so often that its tries go by turns. In the target's branch there
@@ -289,6 +297,7 @@ bool Navigator::hasEntered(const NavigationInput& input) const {
 }
 
 NavigationAnswer Navigator::enter(const NavigationInput& input, const RouteView& view) {
+  noteTurn(*map_.parent(aimed_for_.front()), aimed_for_.front());
   roll_.entered(sidewaysOf(map_, *planned_, target_.branch, 1e-3 * settings_.lever_mm));
   looked_at_m_.reset();
   searches_ = 0;

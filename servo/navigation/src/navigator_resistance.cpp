@@ -14,6 +14,7 @@ namespace angio::navigation {
 namespace {
 
 constexpr double kFirmSlide_m = 1.5e-3;  // The tip has moved.
+constexpr double kFollows = 0.25;        // Of a push: behind a wide vessel a tip that comes on by less is held.
 constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner walls, and is pushed to the outer first.
 constexpr double kMaxLooseSlack_m = 30e-3;  // The same of a loose one, by what it took to move its tip again.
 constexpr double kWide_m = 3.5e-3;          // Radius of a wide vessel.
@@ -44,7 +45,8 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
   if (!pushing) return std::nullopt;
   const bool comes_out = isLoose() && leavesWideVessel(input.belief->tip.branch);
   const double slid_m = since_ ? path_m - since_->second : 0.0;
-  if (!since_ || slid_m > kFirmSlide_m || (slid_m < -kFirmSlide_m && !comes_out)) {
+  const double follows_m = since_ && comes_out ? kFollows * (input.drive.insertion_m - since_->first) : 0.0;
+  if (!since_ || slid_m > std::max(kFirmSlide_m, follows_m) || (slid_m < -kFirmSlide_m && !comes_out)) {
     // A loose shaft takes up what it was pulled back by in parts: its tip springs on in between.
     if (since_ && path_m > since_->second)
       slack_m_ = isLoose() && !comes_out ? std::max(slack_m_ - (input.drive.insertion_m - since_->first), 0.0) : 0.0;
@@ -83,6 +85,7 @@ NavigationAnswer Navigator::miss(const NavigationInput& input, const RouteView& 
     why_ = why + ", " + std::to_string(misses_) + " times";
     return {{}, state_, why_};
   }
+  noteTurn(branch, fresh ? view.branch : view.entered);
   looked_at_m_.reset();
   searches_ = 0;
   asked_for_side_ = false;

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "angio/base/settings.hpp"
@@ -11,6 +12,7 @@
 #include "angio/navigation/namespace.hpp"
 #include "angio/navigation/shaft_offset.hpp"
 #include "angio/navigation/tip_roll.hpp"
+#include "angio/navigation/turn_search.hpp"
 #include "angio/types/any_message.hpp"
 #include "angio/vessel/tree_topology.hpp"
 
@@ -173,6 +175,7 @@ class Navigator {
   bool standsRight(const ForkSide& side) const;
   bool showsSideOf(int branch) const;
   bool goesByTurns(int branch) const;
+  void noteTurn(int fork, std::optional<int> entered);
   double confirm_m(int parent) const;
   bool hasEntered(const NavigationInput& input) const;
   NavigationAnswer enter(const NavigationInput& input, const RouteView& view);
@@ -217,13 +220,15 @@ class Navigator {
   int searches_ = 0;                         // At this fork, in this try.
   bool asked_for_side_ = false;              // For another view, the same.
   double crossed_roll_rad_ = 0;              // Of the drive, that the last crossing was aimed with.
-  int held_ = 0;                             // Tries in a row that ended at a wall, not beside the route.
-  std::optional<double> turn_to_rad_;        // Of the drive: the try is one by turns.
-  std::optional<double> looked_at_m_;        // Along the path, in this try.
-  double back_to_m_ = 0;                     // Path length to pull back to.
-  bool missed_beside_ = false;               // The last miss was one beside the route.
-  bool makes_loop_ = false;                  // It was one of a shaft that may have made a loop.
-  double stalled_from_m_ = 0;                // Of the drive, when the tip last moved before something held it.
+  std::optional<std::pair<double, double>> pushed_at_;  // Roll and bend of this try, until it shows where it leads.
+  std::map<int, TurnSearch> turns_;                     // At each fork, by the branch that ends there.
+  int held_ = 0;                                        // Tries in a row that ended at a wall, not beside the route.
+  std::optional<double> turn_to_rad_;                   // Of the drive: the try is one by turns.
+  std::optional<double> looked_at_m_;                   // Along the path, in this try.
+  double back_to_m_ = 0;                                // Path length to pull back to.
+  bool missed_beside_ = false;                          // The last miss was one beside the route.
+  bool makes_loop_ = false;                             // It was one of a shaft that may have made a loop.
+  double stalled_from_m_ = 0;  // Of the drive, when the tip last moved before something held it.
 };
 
 }  // namespace angio::navigation
