@@ -171,6 +171,39 @@ TEST_F(CatheterTracerTest, FollowsATipThatLiesAcrossAWideVessel) {
   }
 }
 
+// A tip that springs on from an ostium leaves a line behind it that is as dark as a band where it runs along the beam.
+TEST_F(CatheterTracerTest, FollowsALineThatGoesOnBeyondWhereItsTipIsLookedFor) {
+  const double spacing_m = 2e-3;
+  Eigen::Matrix3Xd points(3, 66);
+  std::vector<int> parents;
+  Eigen::Vector3d at(-0.06, 0, 0);
+  for (int i = 0; i < points.cols(); ++i) {
+    points.col(i) = at;
+    parents.push_back(i - 1);
+    at += spacing_m * (i < 30   ? Eigen::Vector3d::UnitX()
+                       : i < 36 ? Eigen::Vector3d::UnitZ()
+                                : Eigen::Vector3d::UnitY());
+  }
+  tree = VesselTree(points, parents, std::vector<std::optional<double>>(points.cols(), 2.5e-3));
+  map = TreeTopology(tree);
+  pose.T_camera_model.translation() = Eigen::Vector3d(0, 0, 0.75) - tree.centroid();
+  Device device;
+  device.diameter_m = 1.35e-3;
+  device.attenuation_per_m = 300;
+  device.marker_length_m = 1.5e-3;
+  device.marker_attenuation_per_m = 4000;
+  CatheterTracerSettings settings;
+  settings.diameter_mm = 1.35;
+  // Believed in front of the bend into the beam: no further behind the tip than it is looked for, and further.
+  for (const int tip : {40, 55}) {
+    device.points = points.leftCols(tip);
+    const auto trace = CatheterTracer(tree, settings).trace(shown({device}), pose, beliefAt({0, 0.056}));
+    ASSERT_TRUE(trace) << tip;
+    const Eigen::Vector2d pixel = *pose.camera.project(pose.T_camera_model * device.points.rightCols<1>());
+    EXPECT_LT((trace->seen.points_px.rightCols<1>() - pixel).norm(), 2) << tip;
+  }
+}
+
 // Against samples: of directions and lengths as they are known, each worth what the Gaussian gives it.
 TEST(TipOffset, OfKnownLengthIsWhatSamplesSay) {
   test::Random random(3);

@@ -30,8 +30,11 @@ constexpr double kFloor = -12;          // Nats: no frame is surer than that.
 constexpr double kLevelShare = 0.35;    // Of a trace, that is less dark than its catheter is taken to be.
 constexpr double kLengthStd = 1.0 / 6;  // Of a deflection's length, in parts of it.
 constexpr int kDirections = 36, kLengths = 2;  // That are tried, of the latter to either side.
-constexpr int kLongLost = 5;                   // Frames.
-constexpr double kKeep = 0.8;                  // Of the catheter's contrast from frame to frame.
+constexpr double kAtTip_m = 2e-3;
+constexpr double kGoesOn = 0.3;  // Nats a millimetre of way ahead: half of what a catheter's line is worth.
+constexpr double kFurther = 3;   // Times as far ahead.
+constexpr int kLongLost = 5;     // Frames.
+constexpr double kKeep = 0.8;    // Of the catheter's contrast from frame to frame.
 
 }  // namespace
 
@@ -45,21 +48,32 @@ class CatheterTracer::Impl {
     const Eigen::Vector3d tip_camera = pose.T_camera_model * expected.tip.tip_model;
     if (!(tip_camera.z() > 0)) return std::nullopt;
     px_per_m_ = pose.camera.parameters().fx_px / tip_camera.z();
-    const WalkArea area = areaAround(places_, expected, 1e-3 * settings_.behind_mm, 1e-3 * settings_.ahead_mm);
+    auto found = within(1e-3 * settings_.ahead_mm, image, pose, expected, offset);
+    // Its tip has sprung on by more, and what is as dark as a band in between runs along the beam.
+    if (goes_on_) found = within(kFurther * 1e-3 * settings_.ahead_mm, image, pose, expected, offset);
+    // One that is lost for long may be so because its contrast was taken for another's.
+    lost_ = found ? 0 : lost_ + 1;
+    if (lost_ >= kLongLost) level_.reset();
+    return found;
+  }
+
+ private:
+  // A tip no further ahead of the believed one than that.
+  std::optional<CatheterTrace> within(double ahead_m, const cv::Mat& image, const SeenPose& pose,
+                                      const TipBelief& expected, const TipOffset& offset) {
+    ahead_m_ = ahead_m;
+    goes_on_ = false;
+    const WalkArea area = areaAround(places_, expected, 1e-3 * settings_.behind_mm, ahead_m);
     const auto projection = projected(area, pose);
     if (!projection) return std::nullopt;
     const DeviceContrast seen = deviceContrast(image, projection->window, 1e-3 * settings_.diameter_mm * px_per_m_);
     const bool first = !level_;
     auto found = best(area, *projection, seen, first ? kFirstLevel * seen.noise : *level_);
     if (found && first) found = best(area, *projection, seen, *level_);
-    // One that is lost for long may be so because its contrast was taken for another's.
-    lost_ = found ? 0 : lost_ + 1;
-    if (lost_ >= kLongLost) level_.reset();
     if (found) weigh(area, *projection, pose, offset, *found);
     return found;
   }
 
- private:
   struct ProjectedArea {
     Eigen::Matrix2Xf px;  // Of the area's places.
     cv::Rect window;
@@ -89,10 +103,11 @@ class CatheterTracer::Impl {
     level = std::max(level, kMinLevel * seen.noise);
     walk_.run(area, projection.px, px_per_m_, seen, level);
     const TreeViterbi& walk = walk_;
+    goes_on_ = goesOn(area);
     double most = -1e300;
     int end = -1, end_u = 0;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
-      if (area.from_tip_m[k] > 1e-3 * settings_.ahead_mm) continue;
+      if (area.from_tip_m[k] > ahead_m_) continue;
       const double off = area.from_tip_m[k] / kExpectedStd_m, surprise = std::min(0.5 * off * off, kMaxSurprise);
       const TreeViterbi::Scores& score = walk.score(static_cast<int>(k));
       const TreeViterbi::Scores& dark = walk.dark(static_cast<int>(k));
@@ -106,6 +121,19 @@ class CatheterTracer::Impl {
     }
     if (end < 0) return std::nullopt;
     return described(walk.backFrom(end, end_u), seen, level);
+  }
+
+  // Whether a dark line leads on to where it is looked for no more.
+  bool goesOn(const WalkArea& area) const {
+    float at_tip = -1e30f, at_edge = -1e30f;
+    for (std::size_t k = 0; k < area.places.size(); ++k) {
+      const int place = static_cast<int>(k);
+      const bool is_behind = area.parent[k] < 0 || area.from_tip_m[area.parent[k]] > area.from_tip_m[k];
+      if (area.from_tip_m[k] < kAtTip_m) at_tip = std::max(at_tip, walk_.score(place).maxCoeff());
+      if (!is_behind && area.from_tip_m[k] > ahead_m_ - kAtTip_m)
+        at_edge = std::max(at_edge, walk_.score(place).maxCoeff());
+    }
+    return at_edge - at_tip > kGoesOn * 1e3 * ahead_m_;
   }
 
   // The band's middle: where its darkness is, to a part of a pixel.
@@ -173,7 +201,7 @@ class CatheterTracer::Impl {
     double best = -1e300, worth = kFrameWorth;
     std::vector<double> lacking;
     for (std::size_t k = 0; k < area.places.size(); ++k) {
-      if (area.from_tip_m[k] > 1e-3 * settings_.ahead_mm) continue;
+      if (area.from_tip_m[k] > ahead_m_) continue;
       const int place = area.places[k];
       const Eigen::Vector2d off = tip - projection.px.col(static_cast<Eigen::Index>(k)).cast<double>();
       const auto lacks = walk_.lack(static_cast<int>(k), off.cast<float>());
@@ -264,6 +292,8 @@ class CatheterTracer::Impl {
   WalkPlaces places_;
   TreeViterbi walk_;
   double px_per_m_ = 0;
+  double ahead_m_ = 0;
+  bool goes_on_ = false;         // A line ahead, beyond that.
   int lost_ = 0;                 // Frames.
   std::optional<double> level_;  // The catheter's contrast.
 };
