@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/test/errors.hpp"
@@ -328,11 +329,16 @@ TEST_F(NavigatorTest, ALooseTipThatSpringsOnLeavesTheRestOfTheLengthToBePushedIn
 // What does not arrive at a tip behind an ostium makes a loop in the wide vessel, which takes the tip out again: it is
 // pushed no longer than a firm one, and neither coming back nor creeping on counts as following.
 TEST_F(NavigatorTest, ALooseTipBehindAWideVesselIsNotPushedOutAgain) {
-  std::vector<std::optional<double>> radii(tree.size(), 1e-3);
-  for (const int point : map.points(first)) radii[static_cast<std::size_t>(point)] = 5e-3;
-  const VesselTree ostium{tree.points(), tree.parents(), radii};
-  for (const double back_per_step_m : {0.0, 0.1e-3, -0.08e-3}) {
-    Navigator steering(ostium, {target, 3e-3}, {});
+  // Also behind the ostium of a vessel that is itself wide, as the brachiocephalic artery is.
+  const auto ostium = [&](double wide_m, double behind_m) {
+    std::vector<std::optional<double>> radii(tree.size(), behind_m);
+    for (const int point : map.points(first)) radii[static_cast<std::size_t>(point)] = wide_m;
+    return VesselTree(tree.points(), tree.parents(), radii);
+  };
+  const VesselTree narrow = ostium(5e-3, 1e-3), wide_behind = ostium(12e-3, 5e-3);
+  for (const auto& [vessels, back_per_step_m] :
+       {std::pair(&narrow, 0.0), {&narrow, 0.1e-3}, {&narrow, -0.08e-3}, {&wide_behind, 0.0}}) {
+    Navigator steering(*vessels, {target, 3e-3}, {});
     TreeLocation place{wanted, 0.6 * map.length_m(wanted)};
     NavigationInput input = inputAt(map, place);
     input.drive.insertion_m = 0.1;

@@ -26,7 +26,7 @@ int branchAt(double roll_rad, double window_deg, double width_deg) {
 int triesUntilWanted(double window_deg, double width_deg) {
   TurnSearch search;
   for (int tries = 1; tries <= 40; ++tries) {
-    const double roll_rad = search.next(0);
+    const double roll_rad = search.next(0).value_or(0);
     const int entered = branchAt(roll_rad, window_deg, width_deg);
     if (entered == kWanted) return tries;
     search.add(roll_rad + 4 * kPi, 0, entered);
@@ -49,7 +49,7 @@ TEST(TurnSearch, CoversTheCircleEvenlyWhereAllTurnsLeadToTheSame) {
   TurnSearch search;
   std::vector<double> rolls;
   for (int i = 0; i < 16; ++i) {
-    rolls.push_back(search.next(0.5));
+    rolls.push_back(search.next(0.5).value_or(0));
     search.add(rolls.back(), 0.5, std::nullopt);
   }
   std::sort(rolls.begin(), rolls.end());
@@ -58,10 +58,10 @@ TEST(TurnSearch, CoversTheCircleEvenlyWhereAllTurnsLeadToTheSame) {
 
 TEST(TurnSearch, KeepsTurnsOfOtherBendsApart) {
   TurnSearch search;
-  EXPECT_DOUBLE_EQ(search.next(0), 0);
+  EXPECT_FALSE(search.next(0));
   search.add(-0.5, 0, 2);
-  EXPECT_NEAR(search.next(0), kPi - 0.5, 1e-9);
-  EXPECT_DOUBLE_EQ(search.next(0.7), 0);
+  EXPECT_NEAR(search.next(0).value(), kPi - 0.5, 1e-9);
+  EXPECT_FALSE(search.next(0.7));
 }
 
 }  // namespace

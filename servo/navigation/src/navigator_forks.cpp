@@ -239,7 +239,7 @@ NavigationAnswer Navigator::startTurn(const NavigationInput& input, std::optiona
     planNext(*next);
     if (tries_[*map_.parent(*next)] <= kTurns) aim_bend_rad_ = 0;
     aim_bend_rad_ = std::min(aim_bend_rad_ + held_ * kMoreBend_rad, degToRad(settings_.max_bend_deg));
-    roll_rad = held_ > 0 ? crossed_roll_rad_ : turns_[*map_.parent(*next)].next(aim_bend_rad_);
+    roll_rad = held_ > 0 ? crossed_roll_rad_ : turns_[*map_.parent(*next)].next(aim_bend_rad_).value_or(roll_rad);
   } else {
     planned_.reset();
     aim_bend_rad_ = 0;

@@ -18,6 +18,7 @@ constexpr double kFollows = 0.25;        // Of a push: behind a wide vessel a ti
 constexpr double kMaxSlack_m = 20e-3;  // A shaft that was pulled lies at inner walls, and is pushed to the outer first.
 constexpr double kMaxLooseSlack_m = 30e-3;  // The same of a loose one, by what it took to move its tip again.
 constexpr double kWide_m = 3.5e-3;          // Radius of a wide vessel.
+constexpr double kMuchWider = 2;            // Times: an aorta against what leaves it, and not against its own course.
 constexpr int kLooseTriesOfAView = 4;       // Its views are chosen for their forks.
 constexpr double kAtFork_m = 20e-3;         // What a wall holds further away is not held by the fork.
 constexpr double kFreed_m = 4e-3;           // Back from where a loop was straight: a wall holds the tip no more.
@@ -59,12 +60,11 @@ std::optional<std::string> Navigator::resistance(const NavigationInput& input, d
   return "the tip does not follow the drive";
 }
 
-// Whether a branch is a narrow one behind a wide one. What of a loose shaft does not arrive at the tip there makes a
+// Whether a branch is a narrower one behind a wide one. What of a loose shaft does not arrive at the tip there makes a
 // loop in the wide vessel, which takes the tip out again: a tip that stands or comes back is pushed no further.
 bool Navigator::leavesWideVessel(int branch) const {
-  if (isWide(branch)) return false;
   for (auto parent = map_.parent(branch); parent; parent = map_.parent(*parent)) {
-    if (isWide(*parent)) return true;
+    if (isWide(*parent) && end_radii_m_[*parent] > kMuchWider * end_radii_m_[branch]) return true;
   }
   return false;
 }

@@ -28,7 +28,7 @@ void TurnSearch::add(double roll_rad, double bend_rad, std::optional<int> entere
   turns_.insert(behind, turn);
 }
 
-double TurnSearch::next(double bend_rad) const {
+std::optional<double> TurnSearch::next(double bend_rad) const {
   std::vector<Turn> turns;
   std::copy_if(turns_.begin(), turns_.end(), std::back_inserter(turns),
                [&](const Turn& turn) { return std::abs(turn.bend_rad - bend_rad) < kSameBend_rad; });
@@ -41,6 +41,7 @@ double TurnSearch::next(double bend_rad) const {
     const double worth = (counts ? 1 : kOfEqual) * gap_rad;
     if (worth > best) best = worth, middle_rad = from.roll_rad + 0.5 * gap_rad;
   }
+  if (turns.empty()) return std::nullopt;
   return inTurn(middle_rad);
 }
 

@@ -20,8 +20,8 @@ class TurnSearch {
   void add(double roll_rad, double bend_rad, std::optional<int> entered);
 
   /// The roll of the drive to try next with this bend [rad], in [0, 2 pi): the middle of a gap between the turns that
-  /// were tried with that bend. Half a turn from the only one; 0 where there is none.
-  double next(double bend_rad) const;
+  /// were tried with that bend. Half a turn from the only one; nothing where there is none.
+  std::optional<double> next(double bend_rad) const;
 
  private:
   struct Turn {
