@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/experiments/navigate_experiment.hpp"
@@ -21,6 +22,19 @@ struct Journey : testing::Test {
   VesselTree tree = readVesselTree(test::exampleData("hepatic-tace/tree.csv"));
   NavigateExperimentSettings experiment;
 };
+
+// Journeys of seeds in a row must not begin alike.
+TEST(NavigateCatheter, RollsOfSeedsInARowAreSpread) {
+  std::vector<double> rolls_deg;
+  for (int seed = 1001; seed <= 1016; ++seed) rolls_deg.push_back(navigateCatheter({}, seed).roll_zero_deg);
+  std::sort(rolls_deg.begin(), rolls_deg.end());
+  rolls_deg.push_back(rolls_deg.front() + 360);
+  for (std::size_t i = 0; i + 1 < rolls_deg.size(); ++i) {
+    // 22.5 deg apart are 16 that are spread evenly.
+    EXPECT_GT(rolls_deg[i + 1] - rolls_deg[i], 10) << i;
+    EXPECT_LT(rolls_deg[i + 1] - rolls_deg[i], 45) << i;
+  }
+}
 
 TEST_F(Journey, ReachesABranchOverViewsThatItAskedFor) {
   experiment.min_route_mm = 40;

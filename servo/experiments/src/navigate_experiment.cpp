@@ -63,7 +63,8 @@ SimulatedPatientSettings navigatePatient(SimulatedPatientSettings patient) {
 }
 
 CatheterSettings navigateCatheter(CatheterSettings catheter, int seed) {
-  catheter.roll_zero_deg = static_cast<double>(seed * std::int64_t{7919} % 360);
+  // By the golden angle: seeds in a row are far from each other, and spread evenly.
+  catheter.roll_zero_deg = std::fmod(137.50776405 * seed, 360);
   return catheter;
 }
 
