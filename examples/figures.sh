@@ -389,14 +389,16 @@ navigating() {
   done
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
-  local neck=("$bin"/angio-simulate-loop navigate --threads "${THREADS:-1}" --tree "$arch" --target-names LCCA,LVA,RCCA,RVA
-    --root=-298,59.4,-64.9 --max-edge-mm 25 --calibration examples/08_tasks/arch_carm.yaml)
+  local neck=("$bin"/angio-simulate-loop navigate --threads "${THREADS:-1}" --tree "$arch" --root=-298,59.4,-64.9
+    --max-edge-mm 25 --calibration examples/08_tasks/arch_carm.yaml) targets="${ARCH_TARGETS:-76}"
   # Seeds 101 and 102 were looked at.
-  "${neck[@]}" --targets "${TARGETS:-18}" --first-seed 103
-  echo; echo "the same with an elastic catheter of 4 French; seeds 501-508 were tuned on"
-  for one in "8 501" "${ARCH_TARGETS:-12} 901"; do
-    "${neck[@]}" --targets "${one% *}" --first-seed "${one#* }" --catheter elastic --shaft-bending-n-mm2 300 \
-      --tip-bending-n-mm2 10 --soft-length-mm 150 --settings examples/08_tasks/arch_catheter.yaml
+  "${neck[@]}" --target-names LCCA,LVA,RCCA,RVA --targets "${TARGETS:-18}" --first-seed 103
+  echo; echo "the same with an elastic catheter of 4 French, shaped for the artery"
+  for one in "$targets 4001 LVA,RCCA,RVA 5 arch_catheter" "$((targets / 3)) 5001 LCCA 10 arch_left_carotid_catheter"; do
+    read -r targets seed names stiffness settings <<< "$one"
+    "${neck[@]}" --targets "$targets" --first-seed "$seed" --target-names "$names" --catheter elastic \
+      --shaft-bending-n-mm2 300 --tip-bending-n-mm2 "$stiffness" --soft-length-mm 150 \
+      --settings "examples/08_tasks/$settings.yaml"
   done
 }
 
