@@ -18,6 +18,8 @@ constexpr double kRunTogether_m = 8e-3;  // Branches of thinned centrelines shar
 constexpr double kPiece_m = 0.7e-3, kPieceOfRadius = 0.35;  // Length of a tube.
 constexpr double kStraight = 0.7;                           // Cosine of a turn below which lines do not go on.
 
+constexpr double kSurely = 1 + 1e-9;  // Beyond rounding.
+
 constexpr double kRounding = 1;       // Standard deviation of the mean that rounds an axis, in radii ...
 constexpr double kMaxRounding = 0.5;  // ... and how far it may move a point, in radii.
 constexpr int kMaxRounds = 200;
@@ -184,14 +186,21 @@ void Lumen::findNear() {
 }
 
 WallGap Lumen::gapNear(int tube, const Eigen::Vector3d& center, double radius_m) const {
+  const auto along_m = [&](const Tube& t) { return std::clamp((center - t.start).dot(t.along), 0.0, t.length_m); };
+  const auto roomIn = [&](const Tube& t, double s, double off_m) {
+    return t.start_radius_m + s / t.length_m * (t.end_radius_m - t.start_radius_m) - off_m;
+  };
+  const Tube& own = tubes_[static_cast<std::size_t>(tube)];
+  const double own_s = along_m(own), own_room = roomIn(own, own_s, (center - own.start - own_s * own.along).norm());
   int best = tube;
   double most = -std::numeric_limits<double>::infinity();
-  for (const int k : tubes_[static_cast<std::size_t>(tube)].near) {
+  for (const int k : own.near) {
     const Tube& t = tubes_[static_cast<std::size_t>(k)];
-    const Eigen::Vector3d off = center - t.start;
-    const double s = std::clamp(off.dot(t.along), 0.0, t.length_m);
-    const double room =
-        t.start_radius_m + s / t.length_m * (t.end_radius_m - t.start_radius_m) - (off - s * t.along).norm();
+    const double s = along_m(t), off_squared = (center - t.start - s * t.along).squaredNorm();
+    // Most are too far off for even their wider end to leave as much room: no root and no quotient for them.
+    const double reach_m = std::max(t.start_radius_m, t.end_radius_m) - own_room;
+    if (off_squared > kSurely * reach_m * reach_m) continue;
+    const double room = roomIn(t, s, std::sqrt(off_squared));
     if (room > most) most = room, best = k;
   }
   WallGap gap = gapIn(tubes_[static_cast<std::size_t>(best)], center, radius_m);

@@ -154,6 +154,9 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
     return inside ? image.ptr<float>(y)[x] : kLine * static_cast<float>(level);
   };
   const float per_level = static_cast<float>(1 / level);
+  beside_m_.resize(side_, side_);
+  for (int u = 0; u < beside_m_.size(); ++u)
+    beside_m_.data()[u] = kStep_m * std::hypot(u % side_ - reach_, u / side_ - reach_);
   for (std::size_t k = 0; k < count; ++k) {
     const int place = area.places[k], parent = area.parent[k];
     const double room_m = places_.radius_m[place] + slack_m_;
@@ -169,8 +172,7 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
       // A line askew is not where its displacement stays.
       const float between = parent >= 0 && !wide_ ? pixel(p + half) : here;
       const auto worth = [&](float value) { return std::clamp(per_level * value - kLine, -kMaxLine, kMaxLine); };
-      const double beside_m = kStep_m * std::hypot(u % side_ - reach_, u / side_ - reach_);
-      const auto outside = static_cast<float>(1e3 * std::max(beside_m - room_m, 0.0));
+      const auto outside = static_cast<float>(1e3 * std::max(beside_m_.data()[u] - room_m, 0.0));
       own.data()[u] = 0.5f * (worth(here) + worth(between)) - kOutside * outside * outside;
     }
     if (parent >= 0) addCarried(scores_[parent], wide_, across_, best_, own);

@@ -73,6 +73,7 @@ class TreeViterbi {
   bool wide_ = false;         // A vessel of the area is so wide that a tip lies across it.
   double slack_m_;
   std::vector<Scores> scores_, dark_;
+  Eigen::MatrixXd beside_m_;  // Of each displacement, its length.
   Scores across_;
   Eigen::ArrayXf best_;     // Of a column.
   std::vector<int> steps_;  // Places from where the area begins.
