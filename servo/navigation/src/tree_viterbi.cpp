@@ -154,9 +154,11 @@ void TreeViterbi::run(const WalkArea& area, const Eigen::Matrix2Xf& px, double p
     return inside ? image.ptr<float>(y)[x] : kLine * static_cast<float>(level);
   };
   const float per_level = static_cast<float>(1 / level);
-  beside_m_.resize(side_, side_);
-  for (int u = 0; u < beside_m_.size(); ++u)
-    beside_m_.data()[u] = kStep_m * std::hypot(u % side_ - reach_, u / side_ - reach_);
+  if (beside_m_.rows() != side_) {
+    beside_m_.resize(side_, side_);
+    for (int u = 0; u < beside_m_.size(); ++u)
+      beside_m_.data()[u] = kStep_m * std::hypot(u % side_ - reach_, u / side_ - reach_);
+  }
   for (std::size_t k = 0; k < count; ++k) {
     const int place = area.places[k], parent = area.parent[k];
     const double room_m = places_.radius_m[place] + slack_m_;

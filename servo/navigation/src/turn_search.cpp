@@ -32,6 +32,7 @@ std::optional<double> TurnSearch::next(double bend_rad) const {
   std::vector<Turn> turns;
   std::copy_if(turns_.begin(), turns_.end(), std::back_inserter(turns),
                [&](const Turn& turn) { return std::abs(turn.bend_rad - bend_rad) < kSameBend_rad; });
+  if (turns.empty()) return std::nullopt;
   double best = -1, middle_rad = 0;
   for (std::size_t i = 0; i < turns.size(); ++i) {
     const bool last = i + 1 == turns.size();
@@ -41,7 +42,6 @@ std::optional<double> TurnSearch::next(double bend_rad) const {
     const double worth = (counts ? 1 : kOfEqual) * gap_rad;
     if (worth > best) best = worth, middle_rad = from.roll_rad + 0.5 * gap_rad;
   }
-  if (turns.empty()) return std::nullopt;
   return inTurn(middle_rad);
 }
 
