@@ -390,11 +390,11 @@ navigating() {
   local arch="${ARCH:-$shared/steve-dualdevicenav}"
   [ -d "$arch" ] || return 0
   local neck=("$bin"/angio-simulate-loop navigate --threads "${THREADS:-1}" --tree "$arch" --root=-298,59.4,-64.9
-    --max-edge-mm 25 --calibration examples/08_tasks/arch_carm.yaml) targets="${ARCH_TARGETS:-76}"
+    --max-edge-mm 25 --calibration examples/08_tasks/arch_carm.yaml) others="${ARCH_TARGETS:-76}" targets seed names stiffness settings
   # Seeds 101 and 102 were looked at.
   "${neck[@]}" --target-names LCCA,LVA,RCCA,RVA --targets "${TARGETS:-18}" --first-seed 103
   echo; echo "the same with an elastic catheter of 4 French, shaped for the artery"
-  for one in "$targets 4001 LVA,RCCA,RVA 5 arch_catheter" "$((targets / 3)) 5001 LCCA 10 arch_left_carotid_catheter"; do
+  for one in "$others 4001 LVA,RCCA,RVA 5 arch_catheter" "$((others / 3)) 5001 LCCA 10 arch_left_carotid_catheter"; do
     read -r targets seed names stiffness settings <<< "$one"
     "${neck[@]}" --targets "$targets" --first-seed "$seed" --target-names "$names" --catheter elastic \
       --shaft-bending-n-mm2 300 --tip-bending-n-mm2 "$stiffness" --soft-length-mm 150 \
