@@ -141,6 +141,30 @@ TEST(Certificate, NoPoseOfACellExceedsItsBound) {
   EXPECT_GT(pruned, 100);
 }
 
+// Vessels that run across all of an image's lines are explained by none of it. Where they may be out of view, that
+// costs nothing.
+TEST(Certificate, WhatMayBeAnywhereIsNotSeen) {
+  const VesselTree along = star(1, 0, 0.06), across = star(2, kPi, 0.03);
+  const Pose seen = inFront(along, Eigen::Matrix3d::Identity());
+  const CertificateScene s(along, seen);
+  const TreeSamples samples(across);
+  const ExplainedRaster raster(s.image, s.camera);
+  Eigen::Matrix3d R = Eigen::AngleAxisd(kPi / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  PoseBounds bounds(samples, raster, s.view(), R);
+  PoseCell cell;
+  cell.half.setConstant(0.02);
+  cell.depth = 0.75;
+  for (const double half_ray : {0.02, 0.3}) {
+    bounds.prepare(cell, {0, 0, 0}, half_ray);
+    Pose away = Pose::Identity();
+    away.linear() = R;
+    away.translation() = 0.75 * Eigen::Vector3d(half_ray, 0, 1);
+    const int none = -2 * bounds.maxPoints(), points = bounds.points(away, none);
+    EXPECT_EQ(points, half_ray < 0.1 ? -bounds.maxPoints() : 0);
+    EXPECT_GE(bounds.pointsBound(0, 0, none), points) << "rays within " << half_ray;
+  }
+}
+
 // The same of each place by itself: a sum could hide one that is too low.
 TEST(Certificate, NoPlaceIsExplainedInACellThatRulesItOut) {
   int explained = 0, ruled_out = 0;

@@ -133,7 +133,9 @@ void prepareBounds(const RawCell& in, const ExplainedRaster::Levels& levels, Bou
     const auto edge = [&](float pixel, V inward) {
       return hn::Mul(inverse_cell, hn::Add(set(pixel + kBefore_px), inward));
     };
-    const auto nowhere = [&](V at) { return hn::IfThenElse(in_front, at, set(1e9f)); };
+    // Where a place may be anywhere, it is not seen in all poses.
+    const auto somewhere = hn::And(in_front, hn::Gt(inverse_cell, zero));
+    const auto nowhere = [&](V at) { return hn::IfThenElse(somewhere, at, set(1e9f)); };
     hn::StoreU(nowhere(edge(in.window.u_min, radius)), d, out.u_seen + first);
     hn::StoreU(edge(in.window.u_max, hn::Neg(radius)), d, out.u_seen_to + first);
     hn::StoreU(nowhere(edge(in.window.v_min, radius)), d, out.v_seen + first);
