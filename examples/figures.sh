@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the READMEs are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [worlds] [turning] [deformed_view] [loop_worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [soak] [speed] [sheet]
+#   examples/figures.sh [rows] [worlds] [certificates] [turning] [deformed_view] [loop_worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [microcatheter] [soak] [speed] [sheet]
 # Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
 # from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
@@ -63,6 +63,20 @@ deformed_view() {
     echo; echo "### view of a bent liver by what a turn told, seed $seed"
     "$bin"/angio-servo --simulate --autostart --task view --settings examples/08_tasks/deformed_view.yaml --seed "$seed" \
       --out "$work/deformed_view" | grep -E "registered|view \[deg\]|loop "
+  done
+}
+
+# Certificates of trees that the project has itself; those of brains are among the worlds.
+certificates() {
+  local tree one
+  printf 'starts: {box_rotation_deg: 45, box_translation_mm: 60}\n' > "$work/box.yaml"
+  for tree in hepatic-tace static-phantom; do
+    for one in 1 0.6; do
+      echo; echo "### $tree, +-45 deg / +-60 mm, $one of the tree in view, certified, 30 s"
+      "$bin"/angio-evaluate simulation --tree "examples/data/$tree/tree.csv" --noise-px 1 --spurious 5 --seed "${SEED:-61}" \
+        --trials "${CERTIFIED:-100}" --method oriented_kernel --rotation-std-deg 15 --translation-std-mm 20 \
+        --settings "$work/box.yaml" --visible-fraction "$one" --certify
+    done
   done
 }
 
@@ -375,6 +389,19 @@ servoing() {
 }
 
 # A catheter to branches of a liver, of five brains, and of an aortic arch, whose catheter comes up the descending aorta.
+# A microcatheter with forces in the liver and in arteries of brains that ANGIO_SHARED_DATA may have.
+microcatheter() {
+  local one elastic=("$bin"/angio-simulate-loop navigate --catheter elastic --threads "${THREADS:-1}")
+  echo; echo "### An elastic microcatheter: liver, seeds from 101 and from 301, then brains"
+  "${elastic[@]}" --targets "${TARGETS:-4}" --first-seed 101
+  "${elastic[@]}" --targets "${TARGETS:-8}" --first-seed 301
+  for one in BG05 BG0002 BG18; do
+    [ -f "${ANGIO_SHARED_DATA:-}/brava/$one.swc" ] || continue
+    echo; echo "$one"
+    "${elastic[@]}" --targets "${TARGETS:-4}" --first-seed 101 --tree "$ANGIO_SHARED_DATA/brava/$one.swc"
+  done
+}
+
 navigating() {
   local shared="${ANGIO_SHARED_DATA:-}" trees=(--tree examples/data/hepatic-tace/tree.csv) one
   local navigate=("$bin"/angio-simulate-loop navigate --targets "${TARGETS:-20}" --first-seed "${FIRST_SEED:-101}" --threads "${THREADS:-1}")
