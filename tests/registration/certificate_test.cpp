@@ -149,7 +149,7 @@ TEST(Certificate, WhatMayBeAnywhereIsNotSeen) {
   const CertificateScene s(along, seen);
   const TreeSamples samples(across);
   const ExplainedRaster raster(s.image, s.camera);
-  Eigen::Matrix3d R = Eigen::AngleAxisd(kPi / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(kPi / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   PoseBounds bounds(samples, raster, s.view(), R);
   PoseCell cell;
   cell.half.setConstant(0.02);
