@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "angio/base/errors.hpp"
@@ -256,44 +257,87 @@ Eigen::Matrix3Xd ofTreePoints(const VesselTree& tree, const PlaceGrid& grid, con
 
 }  // namespace
 
+struct SequenceLocaliser::Work {
+  Work(std::vector<SequenceFrame> given, const VesselTree& in_tree, const SequenceSettings& asked)
+      : frames(std::move(given)),
+        tree(in_tree),
+        settings(asked),
+        grid(makePlaceGrid(in_tree, 1e-3 * asked.localiser.spacing_mm)) {}
+
+  std::vector<SequenceFrame> frames;
+  VesselTree tree;
+  SequenceSettings settings;
+  PlaceGrid grid;
+  SharedFit shared;
+  RoundOutcome before;
+  int round = 0;
+  SequenceResult result;
+
+  bool step();
+  void correct(const std::vector<SequenceFrame>& now, const TipFilter& filter, const std::vector<ForwardFrame>& forward,
+               const std::vector<int>& route);
+};
+
+bool SequenceLocaliser::Work::step() {
+  TipFilter filter(settingsOfRound(settings, round), displaced(grid, shared.displacements_m), tree.centroid());
+  const auto now = corrected(frames, shared.correction);
+  const auto forward = forwardPass(filter, now);
+  const auto route = mostProbableRoute(filter, forward);
+  const RoundOutcome outcome = outcomeOf(forward, route);
+  result.converged = round > kRigidRounds + 1 && atRest(before, outcome, grid);
+  before = outcome;
+  if (result.converged || round >= settings.rounds) {
+    conclude(result, filter, forward, route);
+    result.residual_px = outcome.residual_px;
+    result.log_evidence = outcome.log_evidence;
+    result.correction = shared.correction;
+    result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
+    return true;
+  }
+  correct(now, filter, forward, route);
+  ++round;
+  return false;
+}
+
+// What the frames lack in common, by the route of this round.
+void SequenceLocaliser::Work::correct(const std::vector<SequenceFrame>& now, const TipFilter& filter,
+                                      const std::vector<ForwardFrame>& forward, const std::vector<int>& route) {
+  std::vector<PosedFrame> posed_frames;
+  std::vector<int> tips;
+  for (std::size_t t = 0; t < frames.size(); ++t) {
+    if (const Candidate* chosen = candidateAt(forward[t], route[t])) {
+      posed_frames.push_back(posed(frames[t], now[t].pose, filter, *chosen));
+      tips.push_back(route[t]);
+    }
+  }
+  if (tips.empty()) return;  // No frame says anything: there is nothing to correct.
+  SequenceSettings of_round = settings;
+  if (round < kRigidRounds) of_round.deformation_std_mm = 0;
+  fitShared(posed_frames, tips, grid, tree.centroid(), of_round, shared);
+}
+
+SequenceLocaliser::SequenceLocaliser(std::vector<SequenceFrame> frames, const VesselTree& tree,
+                                     const SequenceSettings& settings) {
+  checkSettings("sequence localiser", settings);
+  if (frames.empty()) throw InputError("sequence localiser", "frames", "0", "there must be one");
+  work_ = std::make_unique<Work>(std::move(frames), tree, settings);
+}
+
+SequenceLocaliser::~SequenceLocaliser() = default;
+SequenceLocaliser::SequenceLocaliser(SequenceLocaliser&&) noexcept = default;
+SequenceLocaliser& SequenceLocaliser::operator=(SequenceLocaliser&&) noexcept = default;
+
+bool SequenceLocaliser::step() { return work_->step(); }
+const SequenceResult& SequenceLocaliser::result() const { return work_->result; }
+
 SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
                                 const SequenceSettings& settings,
                                 const std::function<void(int rounds_done)>& progress) {
-  checkSettings("sequence localiser", settings);
-  if (frames.empty()) throw InputError("sequence localiser", "frames", "0", "there must be one");
-  SequenceResult result;
-  SharedFit shared;
-  RoundOutcome before;
-  const PlaceGrid grid = makePlaceGrid(tree, 1e-3 * settings.localiser.spacing_mm);
-  for (int round = 0;; ++round) {
-    TipFilter filter(settingsOfRound(settings, round), displaced(grid, shared.displacements_m), tree.centroid());
-    const auto now = corrected(frames, shared.correction);
-    const auto forward = forwardPass(filter, now);
-    const auto route = mostProbableRoute(filter, forward);
-    if (progress) progress(round + 1);
-    const RoundOutcome outcome = outcomeOf(forward, route);
-    result.converged = round > kRigidRounds + 1 && atRest(before, outcome, grid);
-    before = outcome;
-    if (result.converged || round >= settings.rounds) {
-      conclude(result, filter, forward, route);
-      result.residual_px = outcome.residual_px;
-      result.log_evidence = outcome.log_evidence;
-      result.correction = shared.correction;
-      result.displacements_m = ofTreePoints(tree, grid, shared.displacements_m);
-      return result;
-    }
-    std::vector<PosedFrame> posed_frames;
-    std::vector<int> tips;
-    for (std::size_t t = 0; t < frames.size(); ++t) {
-      if (const Candidate* chosen = candidateAt(forward[t], route[t])) {
-        posed_frames.push_back(posed(frames[t], now[t].pose, filter, *chosen));
-        tips.push_back(route[t]);
-      }
-    }
-    if (tips.empty()) continue;  // No frame says anything: there is nothing to correct.
-    SequenceSettings of_round = settings;
-    if (round < kRigidRounds) of_round.deformation_std_mm = 0;
-    fitShared(posed_frames, tips, grid, tree.centroid(), of_round, shared);
+  SequenceLocaliser localiser(frames, tree, settings);
+  for (int done = 1;; ++done) {
+    const bool last = localiser.step();
+    if (progress) progress(done);
+    if (last) return localiser.result();
   }
 }
 

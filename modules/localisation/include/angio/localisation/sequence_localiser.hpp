@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "angio/localisation/catheter_localiser.hpp"
@@ -53,14 +54,33 @@ struct SequenceResult {
   std::vector<TipBelief> beliefs;  ///< One a frame, by all frames (forward and backward).
   std::vector<TipPlace> path;      ///< One a frame: the most probable route of the tip as a whole (Viterbi).
   double residual_px = 0;          ///< Mean of the frames'.
-  double log_evidence = 0;         ///< Of all frames, up to a constant of their curves: compares results of one sequence.
-  bool converged = false;          ///< The route and the residual have settled.
+  double log_evidence = 0;  ///< Of all frames, up to a constant of their curves: compares results of one sequence.
+  bool converged = false;   ///< The route and the residual have settled.
 };
 
 /// Localises a catheter in all frames at once: finds what the poses lack in common, each frame's own shift, and the
-/// tip's route through the tree. Coarse to fine: the tree's path is looked for under a large shift first.
-///
-/// `progress` is called after each round. Throws InputError when a setting is out of its range or there is no frame.
+/// tip's route through the tree. Coarse to fine: the tree's path is looked for under a large shift first. In rounds,
+/// for callers that have other things to do in between.
+class SequenceLocaliser {
+ public:
+  /// Throws InputError when a setting is out of its range or there is no frame.
+  SequenceLocaliser(std::vector<SequenceFrame> frames, const VesselTree& tree, const SequenceSettings& settings = {});
+  ~SequenceLocaliser();
+  SequenceLocaliser(SequenceLocaliser&&) noexcept;
+  SequenceLocaliser& operator=(SequenceLocaliser&&) noexcept;
+
+  /// One round of finding the path and then the pose. Returns whether it was the last.
+  bool step();
+
+  /// The answer, after the last round.
+  const SequenceResult& result() const;
+
+ private:
+  struct Work;
+  std::unique_ptr<Work> work_;
+};
+
+/// All rounds in one. `progress` is called after each. Throws InputError as SequenceLocaliser.
 SequenceResult localiseSequence(const std::vector<SequenceFrame>& frames, const VesselTree& tree,
                                 const SequenceSettings& settings = {},
                                 const std::function<void(int rounds_done)>& progress = {});
