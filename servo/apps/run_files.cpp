@@ -37,6 +37,7 @@ class RunWriter {
         T_true_calibrated_(drawnPose(Pose::Identity(), patient_.tree().centroid(), degToRad(options.start_rotation_deg),
                                      options.start_translation_mm * 1e-3, settings.fluoroscopy.seed, 0)) {
     writeVesselTree(path("tree.csv"), patient_.tree());
+    by_image_.frame_period_s = by_centerline_.frame_period_s = 1 / options.frame_rate_hz;
   }
 
   void write(int i) {
@@ -110,7 +111,7 @@ class RunWriter {
   SimulatedPatient patient_;
   Pose T_true_calibrated_;
   std::vector<cv::Mat> frames_;
-  CaseSet by_image_{true, {}}, by_centerline_{true, {}};
+  CaseSet by_image_{true, {}, {}}, by_centerline_{true, {}, {}};
   std::string table_ = "frame,time_s,primary_deg,secondary_deg,table_x_mm,table_y_mm,table_z_mm\n";
 };
 

@@ -23,13 +23,13 @@ const VesselTree& hepaticTree() {
 // Poses are 20 mm and 1.5 deg off, per axis, and the vessels 3 mm.
 TEST(CatheterRuns, PinTheVesselsThatTheyLieInAndClaimWhatTheyKnow) {
   CatheterRunSettings settings;
-  settings.frames = 6;
+  settings.frames = 7;
   settings.deformation_rms_mm = 3;
   int registered = 0;
   for (int index = 0; index < 2; ++index) {
     const auto frames = catheterRun(hepaticTree(), settings, index);
-    ASSERT_EQ(frames.size(), 6);
-    for (int k = 0; k < 3; ++k) EXPECT_FALSE(frames[k].registered) << "three frames do not make a run";
+    ASSERT_EQ(frames.size(), 7);
+    for (int k = 0; k < 4; ++k) EXPECT_FALSE(frames[k].registered) << "nothing is known before four frames make a run";
     for (const CatheterRunFrame& frame : frames) {
       registered += frame.registered;
       if (!frame.converged) continue;
@@ -44,7 +44,7 @@ TEST(CatheterRuns, PinTheVesselsThatTheyLieInAndClaimWhatTheyKnow) {
 
 TEST(CatheterRuns, AreTheSameForTheSameSeed) {
   CatheterRunSettings settings;
-  settings.frames = 5;
+  settings.frames = 6;
   const auto once = catheterRun(hepaticTree(), settings, 1), again = catheterRun(hepaticTree(), settings, 1);
   ASSERT_TRUE(once.back().across_m);
   EXPECT_EQ(*once.back().across_m, *again.back().across_m);
@@ -66,7 +66,10 @@ TEST(CatheterRegistration, TakesNoFrameThatShowsMoreThanOneCurve) {
   const Pose T = test::viewOf(hepaticTree(), random);
   const Centerline2d vessels = projectedCenterline(hepaticTree(), camera, T);
   CatheterRegistration registration({}, hepaticTree());
-  for (int k = 0; k < 4; ++k) EXPECT_FALSE(registration.observe({vessels, camera}, T, 0.5));
+  for (int k = 0; k < 5; ++k) {
+    EXPECT_FALSE(registration.observe({vessels, camera}, T, 500000 * k));
+    registration.learn();
+  }
 }
 
 // A straight line across the image is in no vessel: it never pins one.
@@ -79,9 +82,10 @@ TEST(CatheterRegistration, IsNotPinnedByALineThatIsInNoVessel) {
   line.row(1).setLinSpaced(60, 80);
   const Centerline2d wire = makeCenterline(line, std::vector<int>(100, 0));
   CatheterRegistration registration({}, hepaticTree());
-  for (int k = 0; k < 5; ++k) {
-    const auto by = registration.observe({wire, camera}, T, 0.5);
+  for (int k = 0; k < 6; ++k) {
+    const auto by = registration.observe({wire, camera}, T, 500000 * k);
     EXPECT_FALSE(by && by->result.status == RegistrationStatus::kConverged);
+    registration.learn();
   }
 }
 
@@ -92,11 +96,13 @@ TEST(CatheterRegistration, DoesNotConvergeInAMirroredTree) {
   mirrored.colwise() += hepaticTree().centroid();
   CatheterRegistration registration({}, VesselTree(mirrored, hepaticTree().parents(), hepaticTree().radii()));
   const CaseSet set = readCaseSet(exampleData("hepatic-tace/cases.yaml"));
-  for (std::size_t k = 0; k < 8; ++k) {
-    const View& view = set.cases[k].views.front();
+  for (std::int64_t k = 0; k < 9; ++k) {
+    const Case& one = set.cases[static_cast<std::size_t>(k)];
+    const View& view = one.views.front();
     const Centerline2d curve = readCenterline(*view.centerline_path);
-    const auto by = registration.observe({curve, view.camera}, set.cases[k].initial_pose, 0.5);
+    const auto by = registration.observe({curve, view.camera}, one.initial_pose, 500000 * k);
     EXPECT_FALSE(by && by->result.status == RegistrationStatus::kConverged) << k;
+    registration.learn();
   }
 }
 

@@ -156,6 +156,7 @@ TEST(CaseFiles, WhatIsWrittenReadsBackTheSame) {
                    narrow = XrayCamera::centered(64, 48, 0.2e-3, 1.2);
   CaseSet set;
   set.sequence = true;
+  set.frame_period_s = 0.25;
   set.cases.push_back({"0: first", tree, {{wide, line, image, Pose::Identity(), {}}}, side, {}, {}});
   set.cases.push_back(
       {"second",
@@ -168,6 +169,7 @@ TEST(CaseFiles, WhatIsWrittenReadsBackTheSame) {
 
   const CaseSet back = readCaseSet(folder.path("run/cases.yaml"));
   EXPECT_TRUE(back.sequence);
+  EXPECT_EQ(back.frame_period_s, 0.25);
   ASSERT_EQ(back.cases.size(), 2U);
   for (std::size_t i = 0; i < 2; ++i) {
     const Case &a = set.cases[i], &b = back.cases[i];
@@ -256,6 +258,7 @@ TEST(CaseFiles, ErrorsNameTheCaseFilesLine) {
       {"camera: camera.yaml\ncases:\n" + good, ":3: tree: is missing"},
       {head, ": cases = (nothing): must be a list of at least one case"},
       {"sequence: maybe\n" + head + good, ":1: sequence = maybe: must be true or false"},
+      {"frame_period_s: 0\n" + head + good, ":1: frame_period_s = 0: must lie between 0.001 and 3600"},
       {"", ":1: cases: is missing"},
   };
   for (const auto& [content, expected] : cases) {

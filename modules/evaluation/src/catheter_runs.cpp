@@ -133,7 +133,8 @@ std::vector<CatheterRunFrame> catheterRun(const VesselTree& tree, const Catheter
     }
     const std::vector<int> one_branch(static_cast<std::size_t>(seen.cols()), 0);
     const Centerline2d curve = makeCenterline(seen, one_branch);
-    const auto by = registration.observe({curve, camera}, trial.start, kPeriod_s);
+    const auto by = registration.observe({curve, camera}, trial.start, std::llround(1e6 * kPeriod_s * k));
+    registration.learn();
     frames.push_back(by ? judged(*by, tree, trial, truth, camera) : CatheterRunFrame());
   }
   return frames;

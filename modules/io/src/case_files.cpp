@@ -74,7 +74,7 @@ class CaseReader {
   CaseSet read() {
     const YamlNode root = readYaml(path_);
     YamlMap map(path_, root, "case set");
-    const auto sequence = map.find("sequence");
+    const auto sequence = map.find("sequence"), period = map.find("frame_period_s");
     const auto tree = map.find("tree"), frame = map.find("frame");
     const auto camera = map.find("camera"), T_view_first = map.find("T_view_first");
     if (frame) isRas(*frame);
@@ -82,6 +82,7 @@ class CaseReader {
     map.refuseOthers();
     CaseSet result;
     result.sequence = sequence && sequence->flag();
+    if (period) result.frame_period_s = period->between(1e-3, 3600);
     for (const YamlField& one : cases.items("must be a list of at least one case", 1)) {
       result.cases.push_back(readCase(*one.node, {tree, frame}, {camera, T_view_first}));
     }
@@ -248,6 +249,7 @@ class CaseWriter {
     const Json cameras = camerasOf(set.cases.front());
     Json json;
     if (set.sequence) json["sequence"] = true;
+    if (set.frame_period_s) json["frame_period_s"] = *set.frame_period_s;
     json["tree"] = tree;
     json["camera"] = cameras;
     for (const Case& one : set.cases) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
 #include "angio/vessel/resample.hpp"
 
@@ -27,14 +28,36 @@ double sharedVariance_m2(const PatientObservation& patient, const RegistrationRe
   return std::max(0.0, along(patient) - noise_m2);
 }
 
+std::optional<CatheterRegistration> catheterOf(const PerceptionSettings& settings, const VesselTree& tree) {
+  if (!settings.by_catheter) return std::nullopt;
+  const auto* method = std::get_if<OrientedKernelSettings>(&settings.search);
+  if (!method) {
+    throw InputError("perception", "method", methodName(settings.search),
+                     "must be oriented_kernel where frames are registered by a catheter");
+  }
+  return CatheterRegistration(*method, tree, settings.catheter_rounds_at_once);
+}
+
 }  // namespace
+
+GatedPerception::GatedPerception(const GatedPerceptionSettings& settings, const VesselTree& tree,
+                                 const std::optional<PointOfInterest>& point)
+    : carm_(settings.carm),
+      target_(settings.target_model.value_or(tree.centroid())),
+      perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree, point),
+      gate_(settings.gate, target_, settings.need),
+      need_(settings.need),
+      tree_(tree),
+      catheter_(catheterOf(settings.perception, tree)),
+      prior_(settings.perception.tracker.calibrationCovariance()) {}
 
 GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmState& state) {
   const CameraPlace place = perception_.placeOf(state);
-  Observation seen = perception_.observe(frame, state);
-  const Centerline2d centerline = seen.centerline;
-  const XrayView view{centerline, frame.camera};
-  GatedObservation result = gated(std::move(seen), &view, place);
+  GatedObservation result;
+  result.observation = perception_.see(frame, state);
+  XrayView view{result.observation.centerline, frame.camera};
+  view.image = &frame.image;
+  look({view}, place, result);
   if (!result.rejection) {
     reading_.accept();
   } else {
@@ -45,15 +68,42 @@ GatedObservation GatedPerception::observe(const XrayFrame& frame, const CArmStat
 }
 
 GatedObservation GatedPerception::observe(const XrayViews& views, const CameraPlace& place) {
-  return gated(perception_.observe(views, place), views.size() == 1 ? &views.front() : nullptr, place);
+  GatedObservation result;
+  result.observation = perception_.see(views, place);
+  look(views, place, result);
+  return result;
 }
 
 GatedObservation GatedPerception::adopt(const RegistrationResult& registration, const CArmState& state) {
-  return gated(perception_.adopt(registration, state), nullptr, perception_.placeOf(state));
+  GatedObservation result;
+  result.observation = perception_.adopt(registration, state);
+  gate(nullptr, perception_.placeOf(state), result);
+  return result;
 }
 
-GatedObservation GatedPerception::gated(Observation observation, const XrayView* view, const CameraPlace& place) {
-  GatedObservation result{std::move(observation), std::nullopt, std::nullopt};
+// A search for the whole tree takes many times as long as a registration by the catheter, and finds nothing where that
+// is all there is to see: where a run has pinned the catheter and no tree is tracked, it comes first.
+void GatedPerception::look(const XrayViews& views, const CameraPlace& place, GatedObservation& result) {
+  const XrayView* view = views.size() == 1 ? &views.front() : nullptr;
+  std::optional<RegisteredByCatheter> by;
+  const auto askCatheter = [&] {
+    by = catheter_->observe(*view, perception_.calibrated_T_camera_model(place), place.time_us);
+  };
+  const bool catheter_first = catheter_ && view && catheter_->pinned() && !result.observation.tracked;
+  if (catheter_first) askCatheter();
+  if (by && !by->rejection) {
+    perception_.reject();
+    goByCatheter(std::move(*by), place, result);
+    return;
+  }
+  perception_.registerViews(views, result.observation);
+  gate(view, place, result);
+  if (!catheter_ || !view || result.observation.registration.status == RegistrationStatus::kConverged) return;
+  if (!catheter_first) askCatheter();
+  if (by) goByCatheter(std::move(*by), place, result);
+}
+
+void GatedPerception::gate(const XrayView* view, const CameraPlace& place, GatedObservation& result) {
   const Observation& seen = result.observation;
   const Pose calibrated = perception_.calibrated_T_camera_model(place);
   const std::optional<Pose> predicted = seen.tracked ? std::optional(seen.predicted.T_camera_model) : std::nullopt;
@@ -64,7 +114,7 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
   }
   if (result.rejection) {
     perception_.reject();
-    return result;
+    return;
   }
   PatientObservation patient = PatientObservation::of(seen.registration);
   result.rejection = placeByTurn(patient, seen.registration, place);
@@ -78,7 +128,23 @@ GatedObservation GatedPerception::gated(Observation observation, const XrayView*
                     (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);
   if (!result.rejection) result.rejection = gate_.tooUnsure(patient);
   if (!result.rejection) result.patient = patient;
-  return result;
+}
+
+void GatedPerception::goByCatheter(RegisteredByCatheter by, const CameraPlace& place, GatedObservation& result) {
+  by.result.times += result.observation.registration.times;
+  result.observation.registration = ofWholeTree(by);
+  result.observation.registration_s = by.result.times.total_s;
+  result.rejection = by.rejection;
+  if (!result.rejection) {
+    const Pose calibrated = perception_.calibrated_T_camera_model(place);
+    result.rejection = gate_.misplaced(by.result, calibrated, std::nullopt);
+  }
+  if (!result.rejection) {
+    const PatientObservation patient = observationAt(target_, by, tree_);
+    result.rejection = gate_.tooUnsure(patient);
+    if (!result.rejection) result.patient = patient;
+  }
+  result.by_catheter = std::move(by);
 }
 
 // Where a turn has told the depth, the observation goes by it. Returns why it cannot; nothing when it does, or no turn
@@ -129,6 +195,7 @@ void GatedPerception::resolveDepth() {
 
 void GatedPerception::learn() {
   perception_.learn();
+  if (catheter_) catheter_->learn();
   reading_.tryNext(perception_, gate_);
   // It takes as long as several frames: once, where the C-arm stands still after a turn.
   constexpr double kMore_rad = 0.005, kEnough_rad = 0.09;

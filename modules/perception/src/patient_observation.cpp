@@ -18,6 +18,15 @@ double worstStd_m(const Eigen::Matrix3d& covariance_m2) {
   return std::sqrt(std::max(0.0, eigenOfSymmetric(covariance_m2).values[2]));
 }
 
+Matrix6d covarianceAbout(const Eigen::Vector3d& Rp, const Eigen::Matrix3d& point_m2,
+                         const Eigen::Matrix3d& rotation_rad2) {
+  const Eigen::Matrix3d lever = skew(Rp);
+  Matrix6d covariance;
+  covariance << point_m2 + lever * rotation_rad2 * lever.transpose(), lever * rotation_rad2,
+      rotation_rad2 * lever.transpose(), rotation_rad2;
+  return covariance;
+}
+
 Eigen::Matrix3d PatientObservation::pointCovariance(const Eigen::Vector3d& p_model,
                                                     const Eigen::Matrix3d& R_axes_camera) const {
   if (points) return R_axes_camera * points->covarianceAt(p_model) * R_axes_camera.transpose();

@@ -134,32 +134,45 @@ Perception::Perception(const PerceptionSettings& settings, const CArmGeometry& c
   if (place_->near_m > 0) nearby_ = std::make_shared<LocalOffsetEstimator>(tree, *place_);
 }
 
-Observation Perception::observe(const XrayFrame& frame, const CArmState& state) {
+Observation Perception::lookedFor(const CameraPlace& place) const {
   Observation observation;
   observation.model_id = model_id_;
+  observation.predicted = tracker_.predict(place);
+  observation.tracked = tracker_.tracking();
+  return observation;
+}
+
+Observation Perception::see(const XrayFrame& frame, const CArmState& state) {
+  Observation observation = lookedFor(placeOf(state));
   const Stopwatch stage;
   observation.curves = extractor_->extract(frame.image);
   observation.centerline = vesselsToMatch(observation.curves);
   observation.image_s = stage.seconds();
+  return observation;
+}
 
+Observation Perception::see(const XrayViews& views, const CameraPlace& place) const {
+  Observation observation = lookedFor(place);
+  observation.curves = observation.centerline = views.front().centerline;
+  return observation;
+}
+
+Observation Perception::observe(const XrayFrame& frame, const CArmState& state) {
+  Observation observation = see(frame, state);
   XrayView view{observation.centerline, frame.camera};
   view.image = &frame.image;
-  registerViews({view}, placeOf(state), observation);
+  registerViews({view}, observation);
   return observation;
 }
 
 Observation Perception::observe(const XrayViews& views, const CameraPlace& place) {
-  Observation observation;
-  observation.model_id = model_id_;
-  observation.curves = observation.centerline = views.front().centerline;
-  registerViews(views, place, observation);
+  Observation observation = see(views, place);
+  registerViews(views, observation);
   return observation;
 }
 
-void Perception::registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation) {
+void Perception::registerViews(const XrayViews& views, Observation& observation) {
   const Stopwatch stage;
-  observation.predicted = tracker_.predict(place);
-  observation.tracked = tracker_.tracking();
   const PosePrior& predicted = observation.predicted;
   observation.registration = observation.tracked ? tracking_->align(views, predicted, predicted.T_camera_model)
                                                  : search_->search(views, predicted, search_starts_);
@@ -173,10 +186,7 @@ void Perception::registerViews(const XrayViews& views, const CameraPlace& place,
 }
 
 Observation Perception::adopt(const RegistrationResult& registration, const CArmState& state) const {
-  Observation observation;
-  observation.model_id = model_id_;
-  observation.predicted = tracker_.predict(state);
-  observation.tracked = tracker_.tracking();
+  Observation observation = lookedFor(placeOf(state));
   observation.registration = registration;
   return observation;
 }

@@ -122,10 +122,7 @@ PatientObservation ResolvedTree::pose(const Eigen::Vector3d& p_model, const Plac
   const Eigen::Matrix3d known =
       R * rotation_rad2_ * R.transpose() + kTurns_rad * kTurns_rad * Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d rotation = across * known * across + beam * seen.covariance->bottomRightCorner<3, 3>() * beam;
-  // Of a rotation about the point: dt = dp + [R p] dw.
-  const Eigen::Matrix3d lever = skew(patient.T_camera_model.linear() * p_model);
-  patient.covariance << place.covariance_m2 + lever * rotation * lever.transpose(), lever * rotation,
-      rotation * lever.transpose(), rotation;
+  patient.covariance = covarianceAbout(patient.T_camera_model.linear() * p_model, place.covariance_m2, rotation);
   return patient;
 }
 

@@ -11,7 +11,6 @@
 #include "angio/io/displacement_files.hpp"
 #include "angio/io/image_files.hpp"
 #include "angio/io/vessel_files.hpp"
-#include "angio/perception/catheter_registration.hpp"
 #include "angio/perception/gated_perception.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/perception/registration_gate.hpp"
@@ -20,10 +19,9 @@
 namespace angio::results {
 namespace {
 
-// Consecutive frames of a case set have no times; fluoroscopy runs at 15 frames a second.
-constexpr double kFramePeriod_us = 1e6 / 15;
-// A catheter's frames may be picked from a run: between two of them a hand may have pushed it by centimetres.
-constexpr double kCatheterPeriod_s = 0.5;
+// Where a case set does not say it. Fluoroscopy runs at 15 frames a second, which who follows a motion goes by. A
+// catheter's frames may be picked from a run: between two of them a hand may have pushed it by centimetres.
+constexpr double kFramePeriod_s = 1.0 / 15, kPickedPeriod_s = 0.5;
 
 // A task may be asked for any place of the tree: so many of them must be known well enough.
 constexpr double kMinUsableShare = 0.95;
@@ -32,8 +30,8 @@ constexpr Eigen::Index kPlaces = 60;
 
 // A case's initial pose is what joints and calibration say: as good as a camera's place in a patient frame that is the
 // model's by calibration.
-CameraPlace placeOf(const Case& one, std::size_t frame) {
-  return {std::llround(static_cast<double>(frame) * kFramePeriod_us), one.initial_pose};
+CameraPlace placeOf(const Case& one, std::size_t frame, double period_s) {
+  return {std::llround(1e6 * static_cast<double>(frame) * period_s), one.initial_pose};
 }
 
 GatedPerception trackerOf(const CaseRunSettings& settings, const VesselTree& tree) {
@@ -41,14 +39,9 @@ GatedPerception trackerOf(const CaseRunSettings& settings, const VesselTree& tre
   tracked.perception.search = tracked.perception.tracking = settings.registration;
   tracked.perception.search_starts = settings.starts;
   tracked.perception.tracker = settings.tracker;
+  tracked.perception.by_catheter = std::holds_alternative<OrientedKernelSettings>(settings.registration);
+  tracked.perception.catheter_rounds_at_once = 0;  // No machine waits for the next frame.
   return GatedPerception(tracked, tree);
-}
-
-// Of a frame that its catheter registers; other methods take what is given.
-std::optional<CatheterRegistration> catheterOf(const RegistrationSettings& method, const VesselTree& tree) {
-  const auto* settings = std::get_if<OrientedKernelSettings>(&method);
-  if (!settings) return std::nullopt;
-  return CatheterRegistration(*settings, tree);
 }
 
 // Empty where it is not needed, or there is none.
@@ -120,12 +113,6 @@ class CaseRunner {
   CaseOutcome run(const Case& one, int frame);
 
  private:
-  // What follows a tree through the frames of a sequence.
-  struct Sequence {
-    GatedPerception tracker;
-    std::optional<CatheterRegistration> catheter;
-  };
-
   // Registers a sequence's frame; returns where it was expected.
   Pose track(const Case& one, int frame, const XrayViews& views, const Registration& registration,
              CaseOutcome& outcome);
@@ -134,36 +121,25 @@ class CaseRunner {
   const CaseRunSettings& settings_;
   std::map<std::string, std::unique_ptr<Registration>> registrations_;  // By their trees' files, which cases share.
   std::unique_ptr<CenterlineExtractor> extractor_;
-  std::map<const Registration*, Sequence> sequences_;  // One for each tree.
+  std::map<const Registration*, GatedPerception> trackers_;  // Of a sequence, one for each tree.
 };
 
 Pose CaseRunner::track(const Case& one, int frame, const XrayViews& views, const Registration& registration,
                        CaseOutcome& outcome) {
   const VesselTree& tree = registration.tree();
-  auto found = sequences_.find(&registration);
-  if (found == sequences_.end()) {
-    found = sequences_
-                .emplace(&registration, Sequence{trackerOf(settings_, tree), catheterOf(settings_.registration, tree)})
-                .first;
-  }
-  Sequence& sequence = found->second;
-  const GatedObservation seen = sequence.tracker.observe(views, placeOf(one, static_cast<std::size_t>(frame)));
-  sequence.tracker.learn();
-  outcome.result = seen.observation.registration;
-  outcome.rejection = seen.rejection;
-  std::optional<RegisteredByCatheter> by;
-  if (sequence.catheter && views.size() == 1 && outcome.result.status != RegistrationStatus::kConverged) {
-    by = sequence.catheter->observe(views.front(), one.initial_pose, kCatheterPeriod_s);
-  }
-  if (by) {
-    const RegistrationTimes before = outcome.result.times;
-    outcome.result = by->result;
-    outcome.result.times += before;
-    outcome.rejection = by->rejection;
-    outcome.by_catheter = true;
-  }
+  auto found = trackers_.find(&registration);
+  if (found == trackers_.end()) found = trackers_.emplace(&registration, trackerOf(settings_, tree)).first;
+  GatedPerception& tracker = found->second;
+  const double period_s =
+      set_.frame_period_s.value_or(settings_.tracker.follow_motion ? kFramePeriod_s : kPickedPeriod_s);
+  GatedObservation seen = tracker.observe(views, placeOf(one, static_cast<std::size_t>(frame), period_s));
+  tracker.learn();
+  outcome.by_catheter = seen.by_catheter.has_value();
+  outcome.result = std::move(outcome.by_catheter ? seen.by_catheter->result : seen.observation.registration);
+  // Of the whole tree a catheter does not say where it is, which is for tasks to ask: see usable_for.
+  outcome.rejection = outcome.by_catheter ? seen.by_catheter->rejection : seen.rejection;
   outcome.followed = !outcome.rejection;
-  addUses(by ? by->vessels : tree, outcome);
+  addUses(outcome.by_catheter ? seen.by_catheter->vessels : tree, outcome);
   if (settings_.point_covariance) addPointCovariances(tree, outcome);
   return seen.observation.predicted.T_camera_model;
 }

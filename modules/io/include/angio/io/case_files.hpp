@@ -37,12 +37,13 @@ struct CaseSet {
   /// then how the camera moved, as joints tell it.
   bool sequence = false;
   std::vector<Case> cases;
+  std::optional<double> frame_period_s;  ///< Between the frames of a sequence [s], where it is known.
 };
 
-/// Reads a case set (YAML): `tree`, `camera`, `sequence` and `cases`, each with `name`, `centerline` or `image`,
-/// `initial_pose`, and optionally `truth_pose`, `truth_displacements` and its own `tree` and `camera`. Relative paths
-/// start at the case file's folder. Cameras and poses are read at once; of the other files only their existence is
-/// checked.
+/// Reads a case set (YAML): `tree`, `camera`, `sequence`, `frame_period_s` and `cases`, each with `name`, `centerline`
+/// or `image`, `initial_pose`, and optionally `truth_pose`, `truth_displacements` and its own `tree` and `camera`.
+/// Relative paths start at the case file's folder. Cameras and poses are read at once; of the other files only their
+/// existence is checked.
 ///
 /// `frame`, LPS or RAS, in the set or in a case, names the patient axes of the tree that the poses are of. A tree
 /// whose file says its axes (saysItsFrame(), which reads it where `frame` is RAS) is read as L, P, S, so that poses of

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "angio/perception/catheter_registration.hpp"
 #include "angio/perception/depth_window.hpp"
 #include "angio/perception/frame_geometry.hpp"
 #include "angio/perception/patient_observation.hpp"
@@ -19,6 +20,8 @@ struct GatedObservation {
   Observation observation;
   std::optional<std::string> rejection;       ///< Why it may not be used; nothing when it may.
   std::optional<PatientObservation> patient;  ///< Where the model is; nothing when the observation was rejected.
+  /// Of a frame that was registered by its catheter: how. The observation's registration is then ofWholeTree() of it.
+  std::optional<RegisteredByCatheter> by_catheter;
 
   /// Whether a sound registration says what cannot be: it converged, far from calibration or prediction.
   bool contradicts() const { return rejection && observation.registration.status == RegistrationStatus::kConverged; }
@@ -46,20 +49,14 @@ struct GatedPerceptionSettings {
 };
 
 /// Perception behind the gate: every loop and node observes frames through this. An observation that passes the gate is
-/// tracked, one that does not is counted as missed.
+/// tracked, one that does not is counted as missed. A frame that is registered by its catheter is as well: what it
+/// knows of the target may be used, but the whole tree is not looked for by it.
 class GatedPerception {
  public:
   /// @param point  A place that is observed for itself besides the tree.
   /// Throws InputError when a setting is out of its range.
   GatedPerception(const GatedPerceptionSettings& settings, const VesselTree& tree,
-                  const std::optional<PointOfInterest>& point = std::nullopt)
-      : carm_(settings.carm),
-        target_(settings.target_model.value_or(tree.centroid())),
-        perception_(settings.perception, settings.carm, settings.T_dsa_cb, tree, point),
-        gate_(settings.gate, target_, settings.need),
-        need_(settings.need),
-        tree_(tree),
-        prior_(settings.perception.tracker.calibrationCovariance()) {}
+                  const std::optional<PointOfInterest>& point = std::nullopt);
 
   /// Why a frame must not be read with these joints, or contradicts the calibrated geometry; nothing when it may.
   std::optional<std::string> rejection(const XrayFrame& frame, const CArmState& state) const {
@@ -81,7 +78,8 @@ class GatedPerception {
   GatedObservation adopt(const RegistrationResult& registration, const CArmState& state);
 
   /// Learns how the patient moves, when what a frame was wanted for is out. Takes some milliseconds now and then, and
-  /// as long as one search while ReadingSearch looks at frames none of which has registered yet.
+  /// as long as one search while ReadingSearch looks at frames none of which has registered yet, or as
+  /// CatheterRegistration::learn().
   /// Where depth is being found (TargetNeed::kResolvingDepth) also resolveDepth(), when the C-arm has come to rest
   /// after a turn that says more than what is known.
   void learn();
@@ -102,7 +100,9 @@ class GatedPerception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const { return perception_.tracked_T_camera_model(joints); }
 
  private:
-  GatedObservation gated(Observation observation, const XrayView* view, const CameraPlace& place);
+  void look(const XrayViews& views, const CameraPlace& place, GatedObservation& result);
+  void gate(const XrayView* view, const CameraPlace& place, GatedObservation& result);
+  void goByCatheter(RegisteredByCatheter by, const CameraPlace& place, GatedObservation& result);
   std::optional<std::string> placeByTurn(PatientObservation& patient, const RegistrationResult& seen,
                                          const CameraPlace& place);
   void forgetDepth();
@@ -113,6 +113,7 @@ class GatedPerception {
   RegistrationGate gate_;
   TargetNeed need_;
   VesselTree tree_;
+  std::optional<CatheterRegistration> catheter_;
   DepthWindow window_;
   Matrix6d prior_;  // Of the calibrated pose.
   std::optional<ResolvedDepth> resolved_;

@@ -20,6 +20,13 @@ double worstStd_m(const Eigen::Matrix3d& covariance_m2);
 /// and the same of y.
 Eigen::Matrix<double, 2, 3> acrossRay(const Eigen::Vector3d& p_camera);
 
+/// Returns the covariance of a pose by that of a point p and of a rotation about it, all camera axes, as
+/// PatientObservation has it: dt = dp + (R p)^ dw.
+///
+/// @param Rp  The point in camera axes, from the model's origin [m].
+Matrix6d covarianceAbout(const Eigen::Vector3d& Rp, const Eigen::Matrix3d& point_m2,
+                         const Eigen::Matrix3d& rotation_rad2);
+
 /// Where points of the model are in a frame, where that is known better than by the pose alone.
 class PointPlaces {
  public:

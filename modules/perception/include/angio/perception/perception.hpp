@@ -22,6 +22,10 @@ struct PerceptionSettings {
   /// `oriented_kernel` deformations are taken to go together over twice the length.
   RegistrationSettings tracking = OrientedKernelSettings{};
   PatientTrackerSettings tracker;
+  /// Whether frames that show a catheter alone, and that no pose explains, are registered by it (CatheterRegistration),
+  /// by the method that searches, which must be `oriented_kernel`. GatedPerception does that.
+  bool by_catheter = false;
+  int catheter_rounds_at_once = 2;  ///< Of learning its run, after each frame; 0: as many as it takes.
 
   /// With the paper's method in place of the default: iterative_pnp with the prior that calibration gives, from a dozen
   /// starts; and from a start that is a few pixels off small scales only, and an end to its iterations that fits the
@@ -67,6 +71,12 @@ class Perception {
   /// view's. A frame is observed so, once its curves have been found.
   Observation observe(const XrayViews& views, const CameraPlace& place);
 
+  /// observe() in two parts: what a frame shows, or the first of several views, and where the model was looked for ...
+  Observation see(const XrayFrame& frame, const CArmState& state);
+  Observation see(const XrayViews& views, const CameraPlace& place) const;
+  /// ... and its registration. `seen` is of the first of the views.
+  void registerViews(const XrayViews& views, Observation& seen);
+
   /// Returns the observation that another program's registration of the frame gives: no curves, and no point of
   /// interest. Does not change what is tracked.
   Observation adopt(const RegistrationResult& registration, const CArmState& state) const;
@@ -101,7 +111,7 @@ class Perception {
   Pose tracked_T_camera_model(const CArmJoints& joints) const { return tracker_.predict(joints).T_camera_model; }
 
  private:
-  void registerViews(const XrayViews& views, const CameraPlace& place, Observation& observation);
+  Observation lookedFor(const CameraPlace& place) const;
   void takeBackVessels(const XrayViews& views, Observation& observation);
   void fitDeformed(const XrayViews& views, Observation& observation);
   void compareAlternatives(const XrayViews& views, Observation& observation);

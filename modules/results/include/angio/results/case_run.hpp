@@ -62,12 +62,13 @@ struct CaseOutcome {
       error;  ///< Of the pose it started from and of the result, when the truth is known; in the first view.
 };
 
-/// Runs every case with one method. The cases of a sequence, at 15 a second, are tracked as a loop tracks its frames:
-/// by GatedPerception with its own defaults, the method searching and tracking; an initial pose stands for what joints
-/// and calibration say of that frame. Frames of one curve alone that no pose explains are a catheter's: with
-/// `oriented_kernel` they are registered by CatheterRegistration as soon as it can; alignment, spread and uses are then
-/// those of the vessels that the catheter lies in. After SIGINT or SIGTERM no case is begun; returns those that are
-/// finished. Throws InputError for files that cannot be read, Interrupted when no case is finished.
+/// Runs every case with one method. The cases of a sequence are tracked as a loop tracks its frames: by GatedPerception
+/// with its own defaults, the method searching and tracking; an initial pose stands for what joints and calibration say
+/// of that frame. Where the set does not say the frames' period there are 15 a second for a tracker that follows
+/// motion, and two for others. With `oriented_kernel` frames of one curve alone that no pose explains are registered by
+/// their catheter; alignment, spread and uses are then those of the vessels that it lies in. After SIGINT or SIGTERM no
+/// case is begun; returns those that are finished. Throws InputError for files that cannot be read, Interrupted when no
+/// case is finished.
 std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& settings, const Progress& progress = {});
 
 /// One method's figures over all cases, as people compare methods.
