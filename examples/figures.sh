@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Measures what the figures of the READMEs are made of, and prints it. Build first (./test.sh or ./demo.sh).
-#   examples/figures.sh [rows] [worlds] [certificates] [turning] [deformed_view] [loop_worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [navigating] [microcatheter] [soak] [speed] [sheet]
+#   examples/figures.sh [rows] [worlds] [certificates] [turning] [deformed_view] [loop_worlds] [seeing] [volumes] [paper] [table1] [clinical] [phantom] [seeds] [calibration] [servoing] [catheter_alone] [navigating] [microcatheter] [soak] [speed] [sheet]
 # Without a name: rows, worlds, seeing, paper, table1, seeds, calibration, servoing and speed. With ANGIO_SHARED_DATA naming a folder that holds
 # brava/*.swc, the rows run on those trees too; TRIALS=40 runs fewer. navigating (part of servoing) takes an aortic arch
 # from steve-dualdevicenav there, or from ARCH; TARGETS=6 runs fewer, FIRST_SEED=1 the journeys that settings were tuned on.
@@ -383,9 +383,20 @@ servoing() {
   "$simulate_loop" centre --runs "${RUNS:-100}" --threads "$threads"
   echo; echo "### centre: six places of the liver that were tuned on and five others, on drawn lines and on simulated X-ray"
   "$bin/test_servo" --gtest_filter='*CenteredLiver*' --gtest_brief=1
+  catheter_alone
   navigating
   echo; echo "### faults: each run is disturbed for a while"
   "$simulate_loop" faults --runs "${FAULTS:-1000}" --threads "$threads"
+}
+
+# A point of a vessel kept in the middle by what a catheter alone shows of it, without contrast agent.
+catheter_alone() {
+  local seed
+  for seed in $(seq 1 "${RUNS:-12}"); do
+    echo; echo "### centre by a catheter alone, seed $seed"
+    "$bin"/angio-servo --simulate --task centre --target-mm=-35.1,11.1,13.0 --seed "$seed" \
+      --settings examples/08_tasks/catheter_alone.yaml --out "$work/catheter-alone-$seed"
+  done
 }
 
 # A catheter to branches of a liver, of five brains, and of an aortic arch, whose catheter comes up the descending aorta.

@@ -39,7 +39,7 @@ int preview(const ServoProgramOptions& o, const ServoSettings& settings, const V
   if (o.simulate) {
     const ViewAngles angles{degToRad(settings.scenario.start_primary_deg),
                             degToRad(settings.scenario.start_secondary_deg)};
-    const Eigen::Vector3d target = loop.target_model.value_or(tree.centroid());
+    const Eigen::Vector3d target = targetOf(loop, tree);
     return previewTo(o.preview, loop, tree, loop.carm.jointsFor(angles, loop.T_dsa_cb * target));
   }
   const auto bus = openSharedBus(o.bus, o.disturb, o.key_file, "angio-servo");

@@ -58,6 +58,7 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
   if (!o.film.empty()) film.emplace(o.film, settings.scenario.lab.frame_rate_hz);
   LiveOverlay overlay(tree, 768, calibration.carm, calibration.R_patient_lps());
   const ServoLoopSettings loop = settings.loop(calibration);
+  const Eigen::Vector3d target = targetOf(loop, tree);
   HoldTally tally;
   const InterruptionGuard guard;  // Given up, a simulation leaves no half of a film.
   const ClosedLoopRun scenario = runClosedLoop(
@@ -69,12 +70,13 @@ int simulate(const ServoProgramOptions& o, const ServoSettings& settings, const 
         if (!film) return;
         film->write(
             overlay.draw({exposure.frame, registrationMessage(report), servoStatus(report), std::nullopt,
-                          exposure.state, loop.target_model.value_or(tree.centroid()), "task " + nameOf(loop.task)}));
+                          exposure.state, target, "task " + nameOf(loop.task)}));
       });
   bar.reset();
   if (film) film->finish();
   auto summary = closedLoopSummary(scenario);
   summary["seed"] = settings.scenario.seed;
+  if (loop.target_model) summary["target_mm"] = o.loop.target_mm;
   summary["settings"] = settingsAsJson(settings);
   if (!o.patient.deformation_field.empty()) summary["deformation_field"] = o.patient.deformation_field;
   summary["machine"] = machineAsJson();

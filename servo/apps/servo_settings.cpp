@@ -20,8 +20,9 @@ void ServoSettings::visit(SettingsVisitor& v) {
   v.number("latency_ms", latency_ms, 0, 2000, "Time from an exposure until its command moves the machine");
   extractors.visit(v);
   v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName}, "Method of registration");
-  v.choice("perception", perception, {"own", "bus"},
-           "Who registers frames: this program, or another one on the bus by its REGISTRATION");
+  v.choice("perception", perception, {"own", "own_and_catheter", "bus"},
+           "Who registers frames: this program, also by a catheter alone where nothing else is seen, or another one on "
+           "the bus by its REGISTRATION");
   v.integer("starts", starts, 0, 100000, "Starts of a search; 0: as many as the method needs");
   section(OrientedKernelSettings::kName, oriented_kernel, "With method oriented_kernel");
   v.section(
@@ -45,6 +46,7 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& calibrated) const {
   loop.carm = carm;
   loop.T_dsa_cb = calibrated.T_dsa_cb;
   loop.R_lps_model = calibrated.R_lps_model;
+  loop.target_model = target_model;
   loop.limits = limits.limits(carm.source_detector_distance_m - carm.source_isocenter_distance_m);
   loop.task = tasks.chosen();
   const auto& depth = tasks.of<ResolveDepthTaskSettings>();
@@ -52,6 +54,7 @@ ServoLoopSettings ServoSettings::loop(const CArmCalibration& calibrated) const {
   loop.law = laws.chosen();
   loop.latency_s = 1e-3 * latency_ms;
   loop.external_registration = perception == Perceiver::kBus;
+  loop.perception.by_catheter = perception == Perceiver::kOwnAndCatheter;
   loop.perception.extractor = extractors.chosen();
   loop.perception.search = loop.perception.tracking = oriented_kernel;
   if (method == Method::kIterativePnp) {
@@ -89,13 +92,20 @@ void LoopOptions::addTo(cli::Command& app) {
   app.addOption("--view-secondary-deg", view_secondary_deg, "Desired view of the anatomy: CRA positive, CAU negative")
       ->check(between(-55, 55))
       ->defaultText(formatValue(view.secondary_deg));
+  app.addOption("--target-mm", target_mm,
+                "The point that matters: x,y,z in the tree's coordinates, within 50 mm of it; else its centroid")
+      ->check(between(-10000, 10000))
+      ->delimiter(',')
+      ->expected(3);
   app.addOption("--view-from", view_from,
                 "Who says which view: settings (or the angles here), or bus: VIEW_REQUEST, as of angio-navigate")
       ->check(cli::oneOf({"settings", "bus"}))
       ->defaultText("settings");
-  app.addOption("--perception", perception,
-                "Who registers frames: own, or bus: another program says REGISTRATION of each (angio-register --bus)")
-      ->check(cli::oneOf({"own", "bus"}))
+  app.addOption(
+         "--perception", perception,
+         "Who registers frames: own; own_and_catheter, by a catheter alone as well where nothing else is seen; or "
+         "bus: another program says REGISTRATION of each (angio-register --bus)")
+      ->check(cli::oneOf({"own", "own_and_catheter", "bus"}))
       ->defaultText("own")
       ->group(cli::kFurtherOptions);
   app.addOption(
@@ -106,12 +116,13 @@ void LoopOptions::addTo(cli::Command& app) {
 }
 
 bool LoopOptions::given() const {
-  return !(task.empty() && view_from.empty() && perception.empty() && center_on.empty()) || view_primary_deg ||
-         view_secondary_deg;
+  return !(task.empty() && view_from.empty() && perception.empty() && center_on.empty() && target_mm.empty()) ||
+         view_primary_deg || view_secondary_deg;
 }
 
 void LoopOptions::applyTo(ServoSettings& settings) const {
   if (!task.empty()) settings.tasks.choose(task);
+  if (!target_mm.empty()) settings.target_model = 1e-3 * Eigen::Map<const Eigen::Vector3d>(target_mm.data());
   ViewTaskSettings& view = settings.tasks.of<ViewTaskSettings>();
   view.primary_deg = view_primary_deg.value_or(view.primary_deg);
   view.secondary_deg = view_secondary_deg.value_or(view.secondary_deg);
@@ -123,7 +134,10 @@ void LoopOptions::applyTo(ServoSettings& settings) const {
     view.goal = ViewGoal::kRequested;
   }
   if (!perception.empty()) {
-    settings.perception = perception == "bus" ? ServoSettings::Perceiver::kBus : ServoSettings::Perceiver::kOwn;
+    using Perceiver = ServoSettings::Perceiver;
+    settings.perception = perception == "bus"   ? Perceiver::kBus
+                          : perception == "own" ? Perceiver::kOwn
+                                                : Perceiver::kOwnAndCatheter;
   }
   if (!center_on.empty()) {
     const TaskSettings chosen = settings.tasks.chosen();

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "angio/apps/namespace.hpp"
 #include "angio/base/variant_sections.hpp"
@@ -29,12 +30,14 @@ struct ServoSettings {
   OrientedKernelSettings oriented_kernel;
   IterativePnpSettings search = PerceptionSettings::iterativePnpForSearch();      // Of iterative_pnp, while nothing is
   IterativePnpSettings tracking = PerceptionSettings::iterativePnpForTracking();  // tracked, and from frame to frame.
-  enum class Perceiver { kOwn, kBus } perception = Perceiver::kOwn;
+  enum class Perceiver { kOwn, kOwnAndCatheter, kBus } perception = Perceiver::kOwn;
   int starts = 0;
   PatientTrackerSettings tracker;
   CArmLimitsSettings limits;
   RegistrationGateSettings supervisor;
   SafetySettings safety;
+  /// Of the loop. A place in one tree: it stands beside the tree on the command line, and in no settings file.
+  std::optional<Eigen::Vector3d> target_model;
 
   void visit(SettingsVisitor& v);
 
@@ -52,6 +55,7 @@ std::string servoSettingsAsYaml(const std::string& path);
 struct LoopOptions {
   std::string task, view_from, perception, center_on;
   std::optional<double> view_primary_deg, view_secondary_deg;
+  std::vector<double> target_mm;  // Model frame; empty: the tree's centroid.
 
   void addTo(cli::Command& app);
   bool given() const;

@@ -4,8 +4,10 @@
 #include <algorithm>
 
 #include "angio/base/errors.hpp"
+#include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/registration/message_conversion.hpp"
+#include "angio/vessel/resample.hpp"
 
 namespace angio::servo {
 namespace {
@@ -13,6 +15,8 @@ namespace {
 // Frames further apart than this do not belong to one motion.
 constexpr double kMaxPeriod_s = 0.2;
 constexpr double kFirstPeriod_s = 1.0 / 15;
+// A place of another tree, or in other units, is far from this one.
+constexpr double kMaxBesideTree_m = 50e-3;
 
 // What would otherwise hold the arm frame after frame, or steer it by a matrix that is no rotation.
 const ServoLoopSettings& checked(const ServoLoopSettings& settings) {
@@ -43,10 +47,6 @@ double ageAtArrival_s(std::int64_t frame_us, const CArmState& state, double late
   return std::max(0.0, latency_s + 1e-6 * (static_cast<double>(frame_us) - static_cast<double>(state.time_us)));
 }
 
-Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tree) {
-  return settings.target_model.value_or(tree.centroid());
-}
-
 std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree& tree) {
   const TaskContext context{settings.carm,        settings.limits, tree, targetOf(settings, tree),
                             settings.R_lps_model, settings.law};
@@ -60,6 +60,17 @@ std::unique_ptr<Task> taskOf(const ServoLoopSettings& settings, const VesselTree
 }
 
 }  // namespace
+
+Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tree) {
+  if (!settings.target_model) return tree.centroid();
+  const Eigen::Vector3d& target = *settings.target_model;
+  const double beside_m = (tree.points().col(nearestPoint(tree, target)) - target).norm();
+  if (!(beside_m <= kMaxBesideTree_m)) {
+    throw InputError("servo loop", "target", formatted("%.1f mm from the nearest vessel", 1e3 * beside_m),
+                     formatted("must be within %g mm of the tree", 1e3 * kMaxBesideTree_m));
+  }
+  return target;
+}
 
 PerceptionSettings ServoLoopSettings::perceptionForTask() const {
   PerceptionSettings settings = perception;

@@ -158,6 +158,51 @@ TEST(ClosedLoops, AHalfFilledTreeLeadsToTheView) {
   EXPECT_GT(1e3 * r.open_end.target_m, 2);
 }
 
+// No contrast agent: a catheter that is pushed on is all that frames show. Once they have told which vessels it lies
+// in, a point of these is kept in the middle while the patient breathes, from images alone.
+TEST(ClosedLoops, ACatheterAloneTellsWhereItsVesselsAre) {
+  const VesselTree tree = test::hepaticTree();
+  ScenarioSettings settings;
+  settings.calibration_error_deg = 1;
+  settings.calibration_error_mm = 5;
+  settings.duration_s = test::kSanitized ? 0.2 : 7;
+  ServoLoopSettings parts;
+  parts.task = CenterTaskSettings{};
+  parts.perception.by_catheter = true;
+  parts.target_model = tree.points().col(30);  // 90 mm from where the catheter comes in, which lies 60 mm in at first.
+  SimulatedPatientSettings patient;
+  patient.bolus.enabled = true;
+  patient.bolus.trigger = BolusTrigger::kDemand;
+  patient.device.kind = DeviceKind::kCatheter;
+  patient.device.tip_branch = 1;
+  patient.device.speed_mm_per_s = 12;
+  patient.motion.breathing.amplitude_mm = 6;
+  const Scenario world = randomScenario(tree, test::hepaticCalibration(), settings, {});
+  const ClosedLoopRun r = runClosedLoop(tree, world, settings, parts, patient);
+  if (test::kSanitized) return;
+  const auto rms_mm = [](const std::vector<ClosedLoopFrame>& frames) {
+    double sum = 0, count = 0;
+    for (const auto& f : frames) {
+      if (f.time_s <= 4) continue;
+      sum += 1e6 * f.target_off_m * f.target_off_m;
+      ++count;
+    }
+    return std::sqrt(sum / count);
+  };
+  for (const auto& f : r.closed) EXPECT_TRUE(f.time_s > 1 || f.hold_reason) << "four frames, 0.4 s apart, make a run";
+  EXPECT_LT(rms_mm(r.closed), 1.5);
+  EXPECT_GT(rms_mm(r.open), 4);
+}
+
+TEST(ClosedLoops, RefuseATargetThatIsFarFromTheTree) {
+  const VesselTree tree = test::hepaticTree();
+  ServoLoopSettings parts;
+  parts.target_model = 1e3 * tree.centroid();  // As if in millimetres.
+  const std::string line =
+      refusalOf([&] { runClosedLoop(tree, randomScenario(tree, test::hepaticCalibration(), {}, {}), {}, parts, {}); });
+  EXPECT_NE(line.find("must be within 50 mm of the tree"), std::string::npos) << line;
+}
+
 TEST(ClosedLoops, RefuseSettingsOutOfRange) {
   ScenarioSettings settings;
   settings.lab.frame_rate_hz = 0;

@@ -24,10 +24,6 @@ ViewAngles startAngles(const ScenarioSettings& s) {
   return {degToRad(s.start_primary_deg), degToRad(s.start_secondary_deg)};
 }
 
-Eigen::Vector3d targetOf(const VesselTree& tree, const ServoLoopSettings& loop) {
-  return loop.target_model.value_or(tree.centroid());
-}
-
 // Where the image of a target is wanted [rays with z = 1]: at the principal point, beside it, or where it was at first.
 std::optional<Eigen::Vector2d> wantedRay(const ServoLoopSettings& loop) {
   if (std::holds_alternative<HoldTaskSettings>(loop.task)) return std::nullopt;
@@ -46,7 +42,7 @@ class Observer {
       : truth_(world.truth),
         deformed_(patient.motion.deformation.rms_mm > 0 ? std::optional(tree.points()) : std::nullopt),
         desired_(task.desired_T_camera_model()),
-        target_(targetOf(tree, loop)),
+        target_(targetOf(loop, tree)),
         wanted_(wantedRay(loop)) {}
 
   bool hasView() const { return desired_.has_value(); }
@@ -251,7 +247,7 @@ SimulatedLab labOf(const VesselTree& tree, const Scenario& world, const Scenario
   lab.carm = world.truth.carm;
   lab.limits = loop.limits;
   lab.T_patient_model = world.truth.T_dsa_cb;
-  lab.start = loop.carm.jointsFor(startAngles(settings), loop.T_dsa_cb * targetOf(tree, loop));
+  lab.start = loop.carm.jointsFor(startAngles(settings), loop.T_dsa_cb * targetOf(loop, tree));
   lab.claimed_camera = loop.carm.camera();
   lab.catheter = catheter;
   SimulatedPatientSettings seeded = patient;

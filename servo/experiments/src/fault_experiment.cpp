@@ -108,7 +108,7 @@ struct CArmMachine {
     if (!desired) return std::nullopt;
     const CArmCalibration& truth = scene.world.truth;
     const Pose seen = truth.carm.T_camera_patient(lab.arm().state().joints) * truth.T_dsa_cb;
-    const auto target = scene.parts.carm_loop.target_model.value_or(scene.tree.centroid());
+    const auto target = targetOf(scene.parts.carm_loop, scene.tree);
     return radToDeg(viewError(seen, *desired, target).direction_rad);
   }
 };

@@ -19,7 +19,8 @@ struct ServoLoopSettings {
   CArmLimits limits = CArmLimits::typical();
   Pose T_dsa_cb = Pose::Identity();                           ///< Calibrated: model frame in the patient frame.
   Eigen::Matrix3d R_lps_model = Eigen::Matrix3d::Identity();  ///< Patient axes L, P, S from the model's axes.
-  std::optional<Eigen::Vector3d> target_model;                ///< The point that matters [m]; the tree's centroid.
+  /// The point that matters, within 50 mm of the tree [m]; the tree's centroid.
+  std::optional<Eigen::Vector3d> target_model;
 
   TaskSettings task = ViewTaskSettings{};
   std::optional<ResolveDepthTaskSettings> depth_first;  ///< Before the task, as often as a depth it needs is open.
@@ -42,6 +43,9 @@ struct ServoLoopSettings {
   /// The same with the gate, for this loop or a node that observes frames for it.
   GatedPerceptionSettings gatedPerception() const;
 };
+
+/// Returns the loop's target in this tree, model frame [m]. Throws InputError for one that is too far from it.
+Eigen::Vector3d targetOf(const ServoLoopSettings& settings, const VesselTree& tree);
 
 /// What the loop made of one frame.
 struct ServoReport {
