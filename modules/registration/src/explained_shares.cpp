@@ -7,7 +7,7 @@
 namespace angio::registration {
 namespace {
 
-constexpr double kNearest_m = 1e-3;
+constexpr double kLeastDepth_m = 1e-3;
 // A vessel seen so nearly end-on has no direction: the square of what is left of its length.
 constexpr double kEndOn = 0.02;
 
@@ -63,7 +63,7 @@ double ExplainedShares::of(const Pose& T_camera_centered) {
   double seen = 0, explained = 0;
   for (int i = 0; i < points.count; i += stride) {
     const Eigen::Vector3f p = R * Eigen::Vector3f(points.x[i], points.y[i], points.z[i]) + t;
-    if (!(p.z() > kNearest_m)) continue;
+    if (!(p.z() > kLeastDepth_m)) continue;
     const double x = p.x() / p.z(), y = p.y() / p.z();
     const int cell = cellAt(c.fx_px * x + c.cx_px, c.fy_px * y + c.cy_px);
     if (cell < 0) continue;

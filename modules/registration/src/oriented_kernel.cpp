@@ -16,6 +16,7 @@
 #include "model_error.hpp"
 #include "pose_comparison.hpp"
 #include "pose_prior_term.hpp"
+#include "search_passes.hpp"
 
 namespace angio::registration {
 namespace {
@@ -45,6 +46,7 @@ constexpr double kSamePlace_m = 3e-3, kSameDepthStds = 3;
 // What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
 // found.
 constexpr double kChanceScore = 0.12, kChanceAlternative = 0.5;
+
 // The belief with its translations as uncertain as far as shifts are searched.
 PosePriorTerm shiftsFreed(PosePriorTerm belief) {
   Vector6d scale = Vector6d::Ones();
@@ -58,44 +60,8 @@ PosePriorTerm widenedBy(double factor, PosePriorTerm belief) {
   return belief;
 }
 
-// A search through a box knows no more of the pose than that it is in it: the box's own spread.
-PosePrior beforeSearch(PosePrior prior, const StartSettings& starts) {
-  if (!starts.box() || prior.covariance) return prior;
-  prior.covariance = Matrix6d::Zero();
-  prior.covariance->diagonal() << Eigen::Vector3d::Constant(1e-3 * starts.box_translation_mm),
-      Eigen::Vector3d::Constant(degToRad(starts.box_rotation_deg));
-  prior.covariance->diagonal() = (prior.covariance->diagonal().array().square() / 3).matrix().eval();
-  return prior;
-}
-
-// Outlier masses of a search: some of the branches may be empty of contrast agent, or most of them.
-constexpr double kSomeEmpty = 5, kMaxEmpty = 50;
-
-// One pass of a search: how far the belief is widened, and what is supposed of the frame.
-struct Attempt {
-  double widened;
-  FieldHypothesis frame;
-  int draws = 1500;              // Of rotation and depth, where all shifts are tried,
-  std::size_t candidates = 512;  // and of what comes of them.
-};
-
-// The passes of a search; the first that settles the question is the last. Far from the belief, and in a box, poses
-// differ in how much of the tree they have in view, and a tree that is mostly empty is found among many candidates.
-std::vector<Attempt> attemptsOf(const StartSettings& starts, const PosePrior& prior) {
-  if (starts.box()) {
-    return {{1, {kSomeEmpty, 0.9}},
-            {1, {kMaxEmpty, 0.9, true}, 1500, 16384},
-            {1, {kSomeEmpty, 1.1}},
-            {1, {kSomeEmpty, 0.7}},
-            {1, {kSomeEmpty, 0.9}, 12000, 4096}};
-  }
-  if (prior.covariance) return {{1, {kSomeEmpty}}, {1, {kMaxEmpty}}};
-  return {{1, {kSomeEmpty}},  {1, {kMaxEmpty}},       {1.8, {kSomeEmpty}},
-          {1.8, {kMaxEmpty}}, {3, {kSomeEmpty, 0.9}}, {3, {kMaxEmpty, 0.9, true}, 1500, 8192}};
-}
-
+// Of the belief, of a search that nobody gave a covariance; and around what has been found.
 constexpr double kWidest = 3;
-// Of the belief, around what has been found.
 constexpr double kNearby = 0.5;
 constexpr int kNearbyRounds = 3;
 constexpr std::size_t kCompared = 4;
@@ -132,7 +98,8 @@ class OrientedKernel final : public Registration {
       while (scale + 1 < kFieldScales && kFieldScales_px[static_cast<std::size_t>(scale) + 1] >= off_px) ++scale;
       for (; scale < kFieldScales; ++scale) {
         const auto& points = model_.subsets[static_cast<std::size_t>(scale) + 1];
-        result.rigid_iterations += fields_.ascend(frame_, *belief, points, scale, 6, {kSomeEmpty}, candidate);
+        result.rigid_iterations +=
+            fields_.ascend(frame_, *belief, points, scale, 6, {SearchPass::kSomeEmpty}, candidate);
       }
     }
     finish(*belief, candidate.T_camera_centered, plan, result);
@@ -183,19 +150,20 @@ class OrientedKernel final : public Registration {
       const bool alone = *result.ambiguity < kChanceAlternative && !byLuck() && result.last_step_px <= kAtRest_px;
       return small_ || result.status == RegistrationStatus::kConverged || alone;
     };
-    for (const Attempt& attempt : attemptsOf(starts, prior)) {
+    for (const SearchPass& pass : searchPasses(starts, prior)) {
       // A fit that is explained fails for what one view leaves open, and a deformed one that is not explained by luck
       // for what it cannot follow: no emptier tree changes that.
-      if (!first && attempt.frame.outlier_mass > kSomeEmpty && (explained(result) || (deformation_ && !byLuck())))
+      if (!first && pass.frame.outlier_mass > SearchPass::kSomeEmpty &&
+          (explained(result) || (deformation_ && !byLuck())))
         continue;
-      const PosePriorTerm wide = widenedBy(attempt.widened, *belief);
+      const PosePriorTerm wide = widenedBy(pass.widened, *belief);
       auto candidates = small_ ? candidatesByShifts(wide, starts)
-                               : candidatesByFields(wide, starts, attempt, first ? progress : SearchProgress());
+                               : candidatesByFields(wide, starts, pass, first ? progress : SearchProgress());
       if (candidates.empty()) break;
       take(wide, std::move(candidates));
       // What is explained, and not well, is often near the right pose and kept from it by the belief: once more from
       // there.
-      const bool try_nearby = attempt.widened > 1 || attempt.frame.outlier_mass > kSomeEmpty || !byLuck();
+      const bool try_nearby = pass.widened > 1 || pass.frame.outlier_mass > SearchPass::kSomeEmpty || !byLuck();
       bool moved = try_nearby && !explained(result);
       const int rounds = deformation_ ? 1 : kNearbyRounds;
       for (int round = 0; round < rounds && moved && !settled(); ++round) {
@@ -204,10 +172,10 @@ class OrientedKernel final : public Registration {
         StartSettings nearby = starts;
         nearby.box_rotation_deg = nearby.box_translation_mm = 0;
         moved = take(prior.covariance ? *belief : widenedBy(kWidest, *belief),
-                     candidatesByFields(there, nearby, {1, attempt.frame}, {}));
+                     candidatesByFields(there, nearby, {1, pass.frame}, {}));
       }
       // In doubt a little wider; far wider only when nothing has been found.
-      if (settled() || (attempt.widened > 1 && !byLuck())) break;
+      if (settled() || (pass.widened > 1 && !byLuck())) break;
     }
     if (progress) progress(1);
     result.times.total_s = began.seconds();
@@ -270,19 +238,19 @@ class OrientedKernel final : public Registration {
 
   // For all of the tree in view: starts on the fields. `belief` has been widened so many times.
   std::vector<PoseCandidate> candidatesByFields(const PosePriorTerm& belief, const StartSettings& starts,
-                                                const Attempt& attempt, const SearchProgress& progress) {
-    const double widened = attempt.widened;
+                                                const SearchPass& pass, const SearchProgress& progress) {
+    const double widened = pass.widened;
     std::vector<PoseCandidate> candidates;
     if (frame_.viewCount() == 1 && (widened > 2 || starts.box())) {
       // Too wide for draws to hit every basin: all shifts for each draw of rotation and depth.
-      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, attempt.draws),
-                                      shiftReach_m(belief, starts, 2.5), attempt.frame, attempt.candidates, progress);
+      candidates = fields_.everyShift(frame_, draws_.withoutShift(belief, starts, pass.draws),
+                                      shiftReach_m(belief, starts, 2.5), pass.frame, pass.candidates, progress);
     } else {
       const int count = starts.count > 0 ? starts.count : settings_.starts;
       const int more = starts.box() ? 32 : widened > 2 ? 16 : widened > 1 ? 4 : 1;
       for (const Pose& T : draws_.poses(belief, starts, more * count)) candidates.push_back({T, 0});
     }
-    fields_.halve(frame_, belief, attempt.frame, candidates, kCompared);
+    fields_.halve(frame_, belief, pass.frame, candidates, kCompared);
     return candidates;
   }
 
