@@ -392,7 +392,7 @@ servoing() {
 # A point of a vessel kept in the middle by what a catheter alone shows of it, without contrast agent.
 catheter_alone() {
   local seed
-  for seed in $(seq 1 "${RUNS:-12}"); do
+  for seed in $(seq 1 "${RUNS:-24}"); do
     echo; echo "### centre by a catheter alone, seed $seed"
     "$bin"/angio-servo --simulate --task centre --target-mm=-35.1,11.1,13.0 --seed "$seed" \
       --settings examples/08_tasks/catheter_alone.yaml --out "$work/catheter-alone-$seed"

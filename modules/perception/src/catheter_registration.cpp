@@ -10,7 +10,8 @@
 #include "angio/base/formatted.hpp"
 #include "angio/base/stopwatch.hpp"
 #include "angio/perception/registration_gate.hpp"
-#include "angio/vessel/resample.hpp"
+#include "catheter_claims.hpp"
+#include "lone_catheter.hpp"
 
 namespace angio::perception {
 namespace {
@@ -19,9 +20,6 @@ constexpr int kFirst = 4;
 constexpr std::size_t kMost = 32;
 // Frames that follow each other sooner show the same: the catheter has hardly moved, nor has the breath.
 constexpr double kApart_s = 0.4;
-
-// A curve that has this share of the image's points is all that it shows.
-constexpr double kOnlyCurve = 0.9;
 
 // So much longer than the curve are the vessels under it taken to be: lengths in the image differ by what bends.
 constexpr double kLonger = 1.05;
@@ -35,14 +33,6 @@ constexpr double kNearAside_mm = 5;
 // What a frame's pose may be off by when the run is pinned: its own shift across the beam, and what the run leaves open
 // of depth and rotation. Standard deviations.
 constexpr double kAcross_m = 3e-3, kDepth_m = 20e-3, kRotation_rad = kPi / 180;
-
-std::optional<SeenCatheter> onlyCurve(const XrayView& view) {
-  Centerline2d seen = view.centerline;
-  seen.kind.assign(static_cast<std::size_t>(seen.size()), CurveKind::kDevice);
-  auto catheter = seenCatheter(seen, view.camera);
-  if (!catheter || static_cast<double>(catheter->points_px.cols()) < kOnlyCurve * seen.size()) return std::nullopt;
-  return catheter;
-}
 
 double lengthOf_px(const SeenCatheter& seen) {
   const Eigen::Index steps = seen.points_px.cols() - 1;
@@ -86,78 +76,6 @@ PosePrior believed(const Pose& T_camera_model) {
   return prior;
 }
 
-// A catheter lies anywhere in its vessel: half a radius off the axis, as a standard deviation. At least 1 mm, as a
-// point of the vessel may also have gone along it, which a curve does not show.
-double besideAxis_m(const VesselTree& vessels) {
-  constexpr double kLeast_m = 1e-3;
-  double sum_m = 0;
-  int known = 0;
-  for (const auto& radius_m : vessels.radii()) {
-    if (radius_m) sum_m += *radius_m, ++known;
-  }
-  return known > 0 ? std::max(kLeast_m, 0.5 * sum_m / known) : kLeast_m;
-}
-
-// Errors of four brains deformed by 5 mm (20 runs, 115 frames) are 1.0 mm across the beam at scores above 0.8, and 1.3,
-// 1.4 and 1.8 mm in each tenth below.
-double asExplained(const AlignmentScore& alignment) {
-  constexpr double kWell = 0.85, kByScore = 4;
-  return 1 + kByScore * std::max(0.0, kWell - alignment.score());
-}
-
-// What a tree may be bent by where no curve shows it, per axis: as much as trees are that registration is tried on.
-constexpr double kBend_m = 5e-3;
-
-// What goes together of a deformation at places so far apart: Matern 5/2, as DeformationFit has it.
-double correlation(double distance_m) {
-  constexpr double kLength_m = 30e-3;
-  const double x = std::sqrt(5.0) * distance_m / kLength_m;
-  return (1 + x + x * x / 3) * std::exp(-x);
-}
-
-// What a fit to a catheter's curve claims of a point, and what it cannot know.
-class WithUnknowns final : public PointUncertainty {
- public:
-  WithUnknowns(const RegistrationResult& fit, double beside_m, double depth_m, const VesselTree& vessels)
-      : fit_(PatientObservation::of(fit)),
-        beside_m_(beside_m),
-        depth_m_(depth_m),
-        vessels_(vessels.points()),
-        tip_(vessels_.rightCols<1>()) {}
-
-  Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const override {
-    const Eigen::Vector3d ray = (fit_.T_camera_model * p_model).normalized();
-    const double near = std::max(0.0, 1 - (p_model - tip_).norm() / kNearTip_m);
-    const double beside_m = beside_m_ + near * std::max(0.0, kAtTip_m - beside_m_);
-    const double shared = correlation(std::sqrt((vessels_.colwise() - p_model).colwise().squaredNorm().minCoeff()));
-    const double own_m2 = kBend_m * kBend_m * (1 - shared * shared);
-    return fit_.pointCovariance(p_model) + (beside_m * beside_m + own_m2) * Eigen::Matrix3d::Identity() +
-           depth_m_ * depth_m_ * ray * ray.transpose();
-  }
-
- private:
-  // The newest vessels have been seen by few frames, and may be taken for their neighbours.
-  static constexpr double kNearTip_m = 40e-3, kAtTip_m = 2.6e-3;
-  PatientObservation fit_;
-  double beside_m_, depth_m_;
-  Eigen::Matrix3Xd vessels_;
-  Eigen::Vector3d tip_;
-};
-
-// Adds to a fit's claims where the catheter lies in its vessel, and depth as open as it was before the run: vessels
-// that bend make up for what a curve's size would say of it.
-void addUnknowns(const VesselTree& vessels, RegistrationResult& fit) {
-  if (!fit.covariance) return;
-  const double beside_m = asExplained(fit.alignment) * besideAxis_m(vessels),
-               depth_m = 1e-3 * SequenceSettings().pose_translation_std_mm;
-  fit.points = std::make_shared<WithUnknowns>(fit, beside_m, depth_m, vessels);
-  const Eigen::Vector3d unknown_m2(beside_m * beside_m, beside_m * beside_m, beside_m * beside_m + depth_m * depth_m);
-  fit.covariance->diagonal().head<3>() += unknown_m2;
-  if (!fit.spread) return;
-  fit.spread->across_m = std::hypot(fit.spread->across_m, std::sqrt(unknown_m2.head<2>().sum()));
-  fit.spread->all_m = std::hypot(fit.spread->all_m, std::sqrt(unknown_m2.sum()));
-}
-
 // A run that has pinned its vessels explains its curves well. One in a neighbour does where that can be bent to it.
 void requireWellExplained(RegistrationResult& fit) {
   constexpr double kScore = 0.7;
@@ -191,8 +109,8 @@ CatheterRegistration::CatheterRegistration(const OrientedKernelSettings& method,
 std::optional<RegisteredByCatheter> CatheterRegistration::observe(const XrayView& view, const Pose& T_camera_model,
                                                                   std::int64_t time_us) {
   const Stopwatch watch;
-  const auto curve = onlyCurve(view);
-  if (!curve) return std::nullopt;
+  const auto lone = loneCatheter(view.centerline, view.camera);
+  if (!lone) return std::nullopt;
   if (kept_ > 0 && time_us <= last_us_) {
     frames_.clear();
     kept_ = 0;
@@ -201,7 +119,7 @@ std::optional<RegisteredByCatheter> CatheterRegistration::observe(const XrayView
     pinned_.reset();
   }
   const auto since_s = [time_us](std::int64_t before_us) { return 1e-6 * static_cast<double>(time_us - before_us); };
-  SequenceFrame frame{*curve, {view.camera, T_camera_model, Matrix6d::Zero()}, {}};
+  SequenceFrame frame{lone->seen, {view.camera, T_camera_model, Matrix6d::Zero()}, {}};
   if (kept_ > 0) frame.motion.period_s = since_s(kept_us_);
   if (kept_ == 0 || since_s(kept_us_) >= kApart_s) {
     frames_.push_back(frame);
@@ -217,7 +135,7 @@ std::optional<RegisteredByCatheter> CatheterRegistration::observe(const XrayView
   pose.T_camera_model = pose.T_camera_model * pinned_->correction;
   const TipBelief belief = pinned_->localiser.update(frame.seen, pose, motion);
   if (!isFromFrame(belief)) return std::nullopt;
-  auto by = registered(view, frame, belief);
+  auto by = registered({lone->curve, view.camera, view.T_view_first, view.collimator_px, view.image}, frame, belief);
   if (by) by->result.times.total_s = watch.seconds();
   return by;
 }
@@ -299,30 +217,6 @@ std::optional<RegisteredByCatheter> CatheterRegistration::registered(const XrayV
   const RegistrationGate gate({}, by.vessels.centroid(), TargetNeed::kAcrossBeam);
   by.rejection = gate.contradiction(by.result, T, T);
   return by;
-}
-
-RegistrationResult ofWholeTree(const RegisteredByCatheter& by) {
-  RegistrationResult result = by.result;
-  if (result.covariance) result.covariance->diagonal().head<3>().array() += kBend_m * kBend_m;
-  if (result.status == RegistrationStatus::kConverged) {
-    result.reason = "by a catheter alone: of the vessels that it lies in, and across the beam";
-  }
-  return result;
-}
-
-PatientObservation observationAt(const Eigen::Vector3d& p_model, const RegisteredByCatheter& by,
-                                 const VesselTree& tree) {
-  const RegistrationResult& seen = by.result;
-  PatientObservation patient = PatientObservation::of(seen);
-  const Eigen::Matrix3d known = patient.pointCovariance(p_model);
-  const Eigen::Vector3d lever = patient.T_camera_model.linear() * p_model;
-  if (seen.displacements_m.cols() == tree.size()) {
-    patient.T_camera_model =
-        patient.T_camera_model * Eigen::Translation3d(seen.displacements_m.col(nearestPoint(tree, p_model)));
-  }
-  const Eigen::Matrix3d rotation = patient.covariance.bottomRightCorner<3, 3>();
-  patient.covariance = covarianceAbout(lever, known, rotation);
-  return patient;
 }
 
 }  // namespace angio::perception

@@ -87,7 +87,9 @@ void GatedPerception::look(const XrayViews& views, const CameraPlace& place, Gat
   const XrayView* view = views.size() == 1 ? &views.front() : nullptr;
   std::optional<RegisteredByCatheter> by;
   const auto askCatheter = [&] {
-    by = catheter_->observe(*view, perception_.calibrated_T_camera_model(place), place.time_us);
+    // All that was found: what is called a device is the catheter's as well.
+    const XrayView all{result.observation.curves, view->camera, view->T_view_first, view->collimator_px, view->image};
+    by = catheter_->observe(all, perception_.calibrated_T_camera_model(place), place.time_us);
   };
   const bool catheter_first = catheter_ && view && catheter_->pinned() && !result.observation.tracked;
   if (catheter_first) askCatheter();
