@@ -6,30 +6,16 @@
 #include <limits>
 
 #include "angio/base/formatted.hpp"
-#include "angio/perception/frame_geometry.hpp"
-#include "angio/types/channels.hpp"
-#include "angio/types/time_stamp.hpp"
-#include "image_check.hpp"
-#include "observed_machine.hpp"
+#include "machine_check_parts.hpp"
 
 namespace angio::machine_check {
 namespace {
 
-constexpr std::int64_t kValid_us = 200'000;        // Of commands; what a loop usually sends.
 constexpr std::int64_t kLongValid_us = 1'000'000;  // What a machine obeys at most.
 constexpr double kSettle_s = 0.7;                  // From a command to stand still until the image is looked at.
 constexpr double kMaxLook_s = 2;                   // That a look may take until its frames have come.
-constexpr double kMaxLatency_s = 0.3;   // From a command to motion: what the loop's own settings can make up for.
-constexpr double kMaxFrameAge_s = 0.3;  // What the supervisor lets pass.
-constexpr double kAtRest = 0.1;         // Share of the check's speed below which a joint stands ...
-constexpr double kRestWindow_s = 0.1;   // ... over so long.
-
-// What is done, one after the other.
-struct Step {
-  enum class Kind { kWatch, kLook, kMove, kRest, kSilence, kStop, kNan, kEnd } kind = Kind::kEnd;
-  int joint = -1;
-  int sign = 1;
-};
+constexpr double kAtRest = 0.1;                    // Share of the check's speed below which a joint stands ...
+constexpr double kRestWindow_s = 0.1;              // ... over so long.
 
 std::vector<Step> planOf(const MachineCheckSettings& settings) {
   using Kind = Step::Kind;
@@ -58,52 +44,8 @@ void MachineCheckSettings::visit(SettingsVisitor& v) {
   v.number("table_speed_mm_per_s", table_speed_mm_per_s, 0.5, 50, "Speed of the table");
 }
 
-struct MachineCheck::Parts {
-  Parts(const MachineCheckSettings& s, const VesselTree& t) : settings(s), image(s, t), plan(planOf(s)) {}
-
-  double goal(int joint) const { return isAngle(joint) ? degToRad(settings.angle_deg) : 1e-3 * settings.table_mm; }
-  double speed(int joint) const {
-    const double asked =
-        isAngle(joint) ? degToRad(settings.angle_speed_deg_per_s) : 1e-3 * settings.table_speed_mm_per_s;
-    return std::min(asked, settings.limits.velocity[joint]);
-  }
-  const Step& step() const { return plan[at]; }
-  double since_s(std::int64_t now_us) const { return 1e-6 * static_cast<double>(now_us - *began_us); }
-  void next(std::int64_t now_us);
-  void abort(const std::string& why, std::int64_t now_us);
-  bool stands() const;
-  bool restSeen(const std::string& name, double still_s, double allowed_s, const std::string& asked);
-  void checkEncoder(int joint);
-  void watchMotion(const CArmState& state, std::int64_t now_us);
-  CArmCommand commandOf(const CArmJoints& velocity, std::int64_t valid_us = kValid_us);
-  std::optional<CArmCommand> move(std::int64_t now_us);
-  void checkStates(std::vector<CheckRow>& rows) const;
-  void checkFrames(std::vector<CheckRow>& rows) const;
-
-  MachineCheckSettings settings;
-  ImageCheck image;
-  std::vector<Step> plan;
-  std::size_t at = 0;
-  std::optional<std::int64_t> began_us;  // Of the step.
-
-  ObservedChannel states, frames;
-  ObservedStates history;
-  std::optional<std::string> implausible;
-  std::optional<XrayFrame> newest_frame;  // Without its image.
-  double oldest_frame_s = 0;
-  double sum_age_s = 0;
-
-  std::int64_t sequence = 0;
-  CArmJoints start = CArmJoints::Zero();       // Of a motion.
-  std::int64_t commanded_us = 0;               // When its first command was given, ours.
-  bool seen_moving = false;                    // Since then.
-  std::optional<double> latency_s;             // The largest.
-  CArmJoints integrated = CArmJoints::Zero();  // Of the velocities that were reported since the step began.
-  std::optional<double> velocity_share;        // Of a motion that they explain, the worst.
-  std::optional<double> rest_after_s;
-  std::vector<CheckRow> found;
-  bool aborted = false;
-};
+MachineCheck::Parts::Parts(const MachineCheckSettings& s, const VesselTree& t)
+    : settings(s), image(s, t), plan(planOf(s)) {}
 
 MachineCheck::MachineCheck(const MachineCheckSettings& settings, const VesselTree& tree) {
   checkSettings("machine check", settings);
@@ -309,9 +251,9 @@ std::optional<CArmCommand> MachineCheck::command(std::int64_t now_us) {
       // Half of a motion, then nothing more is said.
       if (passed_s < half_s) return p.move(now_us);
       const double braking_s = p.speed(0) / p.settings.limits.acceleration[0] + p.speed(0) / p.settings.limits.jerk[0];
-      const double allowed_s = 1e-6 * kValid_us + kMaxLatency_s + braking_s;
+      const double allowed_s = 1e-6 * kUsualValid_us + kMaxLatency_s + braking_s;
       const std::string asked =
-          formatted("at rest %.2f s after the last command, valid for %.1f s", allowed_s, 1e-6 * kValid_us);
+          formatted("at rest %.2f s after the last command, valid for %.1f s", allowed_s, 1e-6 * kUsualValid_us);
       if (!p.restSeen("watchdog", passed_s - half_s, allowed_s, asked)) return std::nullopt;
       break;
     }
@@ -356,89 +298,6 @@ std::string MachineCheck::doing() const {
       "stops it", "sends what is no number", "has finished"};
   return kWords[static_cast<int>(step.kind)] +
          std::string(step.kind == Step::Kind::kMove ? kJointNames[step.joint] : "");
-}
-
-void MachineCheck::Parts::checkStates(std::vector<CheckRow>& rows) const {
-  const char* name = kCArmStateChannel;
-  rows.insert(rows.end(), {states.rateRow(name, 50, 200), states.sequenceRow(name), states.clockRow(name)});
-  const std::string asked = "radians and metres, within the limits";
-  if (states.count() == 0) {
-    rows.push_back({"joints", CheckVerdict::kNotSeen, "no state came", asked});
-  } else if (implausible) {
-    rows.push_back({"joints", CheckVerdict::kFail, *implausible, asked});
-  } else {
-    std::string measured;
-    for (int i = 0; i < kCArmJointCount; ++i) {
-      measured += (i ? ", " : "") + inUnits(i, history.newest()->joints[i]);
-    }
-    rows.push_back({"joints", CheckVerdict::kPass, measured, asked});
-  }
-}
-
-void MachineCheck::Parts::checkFrames(std::vector<CheckRow>& rows) const {
-  const char* name = kXrayFrameChannel;
-  rows.insert(rows.end(), {frames.rateRow(name, 3, 60), frames.sequenceRow(name), frames.clockRow(name)});
-  const std::string late = "of the states' clock, and 300 ms late at most";
-  const std::string focal = "fx is distance / spacing, and all is the calibration's, within 1 %";
-  if (!newest_frame) {
-    rows.push_back({"frame age", CheckVerdict::kNotSeen, "no frame came", late});
-    rows.push_back({"frame geometry", CheckVerdict::kNotSeen, "no frame came", focal});
-    return;
-  }
-  if (states.count() == 0) {
-    rows.push_back({"frame age", CheckVerdict::kNotSeen, "no state came", late});
-  } else {
-    const auto far = differentEpochs({kXrayFrameChannel, "", newest_frame->time_us},
-                                     {kCArmStateChannel, "", history.newest()->time_us});
-    const std::string ages = formatted("%.0f ms behind the newest state, %.0f ms at most",
-                                       1e3 * sum_age_s / static_cast<double>(frames.count()), 1e3 * oldest_frame_s);
-    rows.push_back(verdictRow("frame age", oldest_frame_s <= kMaxFrameAge_s, far.value_or(ages), late));
-  }
-  const auto wrong = contradiction(newest_frame->camera, settings.carm);
-  const XrayCamera::Parameters& k = newest_frame->camera.parameters();
-  rows.push_back(verdictRow("frame geometry", !wrong,
-                            wrong.value_or(formatted("%d x %d px, fx %.1f px", k.width_px, k.height_px, k.fx_px)),
-                            focal));
-}
-
-std::vector<CheckRow> MachineCheck::rows() const {
-  const Parts& p = *parts_;
-  std::vector<CheckRow> rows;
-  p.checkStates(rows);
-  p.checkFrames(rows);
-  rows.push_back(p.image.orientationRow());
-  if (!p.settings.move) {
-    rows.push_back({"motion", CheckVerdict::kNotSeen, "it was not to be moved", "--move"});
-    return rows;
-  }
-  rows.insert(rows.end(), p.found.begin(), p.found.end());
-  const auto add = [&](CheckRow row, bool moved) {
-    if (!moved) row.verdict = CheckVerdict::kNotSeen, row.measured = "it did not move";
-    rows.push_back(row);
-  };
-  const double share = p.velocity_share.value_or(0), latency_s = p.latency_s.value_or(0);
-  add(verdictRow("velocities", asExpected(share), formatted("%.2f of the motion, of the worst joint", share),
-                 "joint_velocity is what joint_position changes by, 0.75 to 1.3 times"),
-      p.velocity_share.has_value());
-  add(verdictRow("latency", latency_s <= kMaxLatency_s, formatted("%.0f ms", 1e3 * latency_s),
-                 formatted("%.0f ms at most from a command to motion", 1e3 * kMaxLatency_s)),
-      p.latency_s.has_value());
-  return rows;
-}
-
-bool passed(const std::vector<CheckRow>& rows) {
-  return std::none_of(rows.begin(), rows.end(), [](const CheckRow& r) { return r.verdict == CheckVerdict::kFail; });
-}
-
-std::string table(const std::vector<CheckRow>& rows) {
-  static constexpr const char* kVerdicts[] = {"pass", "FAIL", "not seen"};
-  std::string text;
-  for (const CheckRow& r : rows) {
-    text += formatted("%-8s  %-24s  ", kVerdicts[static_cast<int>(r.verdict)], r.name.c_str()) + r.measured;
-    if (r.verdict == CheckVerdict::kFail) text += "  (asked: " + r.asked + ")";
-    text += "\n";
-  }
-  return text;
 }
 
 }  // namespace angio::machine_check
