@@ -9,7 +9,6 @@
 
 #include "angio/base/errors.hpp"
 #include "angio/base/formatted.hpp"
-#include "angio/calibration_records/carm_calibration.hpp"
 #include "angio/calibration_records/centered_carm.hpp"
 #include "angio/calibration_records/record.hpp"
 #include "angio/cli/bus_help.hpp"
@@ -21,27 +20,18 @@
 #include "angio/io/pose_files.hpp"
 #include "angio/io/vessel_files.hpp"
 #include "angio/io/whole_file.hpp"
-#include "angio/messaging/authenticated_bus.hpp"
-#include "angio/perception/perception_node.hpp"
 #include "angio/results/case_run.hpp"
 #include "angio/results/experiment.hpp"
 #include "angio/results/overlay.hpp"
-#include "angio/types/channels.hpp"
 #include "angio/vessel/model_id.hpp"
 #include "program_settings.hpp"
+#include "register_bus.hpp"
 #include "register_dicom.hpp"
 #include "register_summary.hpp"
 #include "register_views.hpp"
 
 namespace angio::apps {
 namespace {
-
-// What registering on a bus needs to know.
-struct BusOptions {
-  std::string bus, key_file, tree, calibration, method;
-  double duration_s = 0;  ///< 0: until stopped.
-  bool point_covariance = false;
-};
 
 struct Options {
   std::string tree, method = OrientedKernelSettings::kName, settings, out, out_pose, overlay;
@@ -54,7 +44,7 @@ struct Options {
   bool nonrigid = false;
   bool certify = false, point_covariance = false, json = false;
   CertificateSettings certificate;  // But for the box, which is the search's when that has one.
-  BusOptions live;                  // Used when it names a bus.
+  RegisterBusOptions live;          // Used when it names a bus.
 
   void checkLive() const {
     if (live.calibration.empty()) cli::refuseWithout("--calibration with --bus");
@@ -223,52 +213,6 @@ int registerOne(const Options& o) {
   }
   if (certificate) said << certificateLine(*certificate, asked) << "\n";
   return converged ? 0 : kExitNotReached;
-}
-
-GatedPerceptionSettings settingsOf(const BusOptions& o, const VesselTree& tree) {
-  GatedPerceptionSettings node;
-  if (o.method == IterativePnpSettings::kName) {
-    node.perception.useIterativePnp();
-  } else if (o.method != OrientedKernelSettings::kName) {
-    throw InputError(
-        "angio-register", "--method", o.method,
-        std::string("must be ") + OrientedKernelSettings::kName + " or " + IterativePnpSettings::kName + " on a bus");
-  }
-  const CArmCalibration calibration = readCArmCalibration(o.calibration, tree);
-  node.carm = calibration.carm;
-  node.T_dsa_cb = calibration.T_dsa_cb;
-  return node;
-}
-
-// Registers frame after frame, and says so on the bus, until it is stopped.
-int registerOnBus(const BusOptions& o) {
-  const VesselTree tree = readVesselTree(o.tree);
-  const GatedPerceptionSettings settings = settingsOf(o, tree);
-  const auto bus = withKeyFile(openSharedBus(o.bus), o.key_file,
-                               [](const std::string& line) { std::cerr << "angio-register: " << line << "\n"; });
-  if (const auto warning = unprotectedWarning(o.bus, o.key_file)) std::cerr << "angio-register: " << *warning << "\n";
-  if (const auto warning = receiveBufferWarning(o.bus)) std::cerr << "angio-register: " << *warning << "\n";
-  PerceptionNode node(*bus, settings, tree);
-  const RunTime run(o.duration_s);
-  long frames = 0, rejected = 0;
-  while (!run.over() && !bus->ended()) {
-    bus->handle(std::chrono::milliseconds(100));
-    const auto report = node.observe();
-    if (!report) continue;
-    ++frames;
-    rejected += report->rejection.has_value();
-    if (report->message && o.point_covariance) {
-      const RegistrationMessage& said = *report->message;
-      const auto points =
-          registrationPoints(report->observation.registration, tree, said.model_id, said.time_us, said.frame_sequence);
-      if (points) publish(*bus, kRegistrationPointsChannel, *points);
-    }
-    if (report->rejection) {
-      std::cerr << "frame " << report->frame_sequence << " rejected: " << *report->rejection << "\n";
-    }
-  }
-  std::cout << frames << " frames registered, " << rejected << " rejected, " << node.refused() << " messages refused\n";
-  return 0;
 }
 
 }  // namespace
