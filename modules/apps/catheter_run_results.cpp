@@ -22,6 +22,9 @@ Json frameAsJson(const CatheterRunFrame& frame) {
   json["beyond"] = frame.claim->beyond;
   json["plane_in_90_percent"] = 100 * frame.claim->plane_in;
   json["depth_in_90_percent"] = 100 * frame.claim->depth_in;
+  if (!frame.beside) return json;
+  json["beside_in_90_percent"] = 100 * frame.beside->plane_in;
+  json["beside_beyond_percent"] = 100 * frame.beside->beyond;
   return json;
 }
 
@@ -39,7 +42,9 @@ std::vector<Column<Json>> frameColumns() {
           {"", "converged_and_wrong_percent", "percent", valueOf("wrong")},
           {"", "across_mm", "median p95 max", valueOf("across_mm")},
           {"", "plane_in_90_percent", "mean", valueOf("plane_in_90_percent")},
-          {"", "depth_in_90_percent", "mean", valueOf("depth_in_90_percent")}};
+          {"", "depth_in_90_percent", "mean", valueOf("depth_in_90_percent")},
+          {"", "beside_in_90_percent", "mean", valueOf("beside_in_90_percent")},
+          {"", "beside_beyond_percent", "mean", valueOf("beside_beyond_percent")}};
 }
 
 Json summaryOfRuns(const Json& runs) {

@@ -31,7 +31,9 @@ int evaluateCatheterRuns(const CatheterRunsOptions& o, const CampaignRun& run) {
       "{runs_with_wrong:%d} runs\n"
       "converged: across the beam {across_mm/median:%.2f mm} off (median), {across_mm/p95:%.2f} (p95), "
       "{across_mm/max:%.2f} at most; within 90 % intervals {plane_in_90_percent:%.0f %%} across, "
-      "{depth_in_90_percent:%.0f %%} of depths\n",
+      "{depth_in_90_percent:%.0f %%} of depths\n"
+      "other vessels that may be a target of centre: within 90 % {beside_in_90_percent:%.0f %%} across, beyond 3 "
+      "standard deviations {beside_beyond_percent:%.1f %%}\n",
       json["summary"]);
   return reported(std::move(json), o.out, text, run.machine);
 }

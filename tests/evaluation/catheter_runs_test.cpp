@@ -37,6 +37,9 @@ TEST(CatheterRuns, PinTheVesselsThatTheyLieInAndClaimWhatTheyKnow) {
       EXPECT_LE(frame.claim->beyond, 0.05);
       // The run says nothing of depth: 40 mm are claimed, 20 mm were drawn.
       EXPECT_GT(frame.claim->depth_in, 0.9);
+      ASSERT_TRUE(frame.beside) << "branches go off the vessels that the catheter lies in";
+      EXPECT_GT(frame.beside->plane_in, 0.8);
+      EXPECT_LT(frame.beside->beyond, 0.05);
     }
   }
   EXPECT_GE(registered, 5);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "angio/perception/catheter_registration.hpp"
+#include "angio/perception/registration_gate.hpp"
 #include "angio/vessel/tree_topology.hpp"
 #include "simulation_claims.hpp"
 #include "simulation_image.hpp"
@@ -70,6 +71,35 @@ Eigen::Matrix3Xd columnsOf(const Eigen::Matrix3Xd& points, const std::vector<int
   return result;
 }
 
+// Quantiles of chi^2 with two degrees of freedom: of 90 %, and of three standard deviations of one axis (99.7 %).
+constexpr double kIn90 = 4.605, kBeyond = 11.83;
+constexpr Eigen::Index kEveryPoint = 3;  // That is asked.
+
+// What is claimed of the vessels that the catheter does not lie in.
+std::optional<CatheterRunFrame::Beside> besideOf(const RegisteredByCatheter& by, const VesselTree& tree,
+                                                 const SimulatedTrial& trial, const Pose& truth) {
+  const double enough_m = 1e-3 * RegistrationGateSettings().max_target_std_mm;
+  std::vector<bool> of_catheter(static_cast<std::size_t>(tree.size()), false);
+  for (const int i : by.tree_points) of_catheter[static_cast<std::size_t>(i)] = true;
+  CatheterRunFrame::Beside sum;
+  int count = 0;
+  for (Eigen::Index i = 0; i < tree.size(); i += kEveryPoint) {
+    const Eigen::Vector3d p = tree.points().col(i);
+    if (of_catheter[static_cast<std::size_t>(i)]) continue;
+    const PatientObservation seen = observationAt(p, by, tree);
+    if (!(seen.worstStdAcross_m(p) <= enough_m)) continue;
+    const Eigen::Matrix<double, 2, 3> across = acrossRay(seen.placeAt(p));
+    const Eigen::Vector2d off = across * (truth * (p + trial.displacements_m.col(i)) - seen.placeAt(p));
+    const Eigen::Matrix2d claimed = across * seen.pointCovariance(p) * across.transpose();
+    const double squared = off.dot(claimed.inverse() * off);
+    sum.plane_in += squared <= kIn90;
+    sum.beyond += squared > kBeyond;
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  return CatheterRunFrame::Beside{sum.plane_in / count, sum.beyond / count};
+}
+
 // What a frame's result says of the vessels that it is of, against the truth.
 CatheterRunFrame judged(const RegisteredByCatheter& by, const VesselTree& tree, const SimulatedTrial& trial,
                         const Pose& truth, const XrayCamera& camera) {
@@ -91,6 +121,7 @@ CatheterRunFrame judged(const RegisteredByCatheter& by, const VesselTree& tree, 
   real.displacements_m = columnsOf(tree.points() + trial.displacements_m, by.tree_points) - given;
   outcome.claim = frame.claim = claimOf(by.vessels, found, real);
   frame.wrong = isConvergedAndWrong(outcome);
+  frame.beside = besideOf(by, tree, trial, truth);
   frame.across_m =
       poseError(by.vessels, camera, {found.T_camera_model, found.displacements_m}, {real.truth, real.displacements_m})
           .in_plane_m;

@@ -31,6 +31,13 @@ struct CatheterRunFrame {
   /// [m], and how that stands to the claims.
   std::optional<double> across_m;
   std::optional<CaseOutcome::Claim> claim;
+  /// Of a converged one, at points of the other vessels that may be a target of `centre`, as they are claimed to be
+  /// known well enough across the beam: shares that lie within their 90 %, and beyond three standard deviations.
+  /// Nothing where there are none.
+  struct Beside {
+    double plane_in = 0, beyond = 0;
+  };
+  std::optional<Beside> beside;
   bool wrong = false;  ///< Converged, and wrong by its own claim, as trials are.
 };
 
