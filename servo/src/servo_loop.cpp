@@ -199,11 +199,11 @@ void ServoLoop::answer(const XrayFrame& frame, const ServoInput& input, const Ex
                                  : perception_.observe(frame, state);
     report.observed = true;
     report.observation = std::move(gated.observation);
+    report.contradicts = gated.contradicts();
     report.hold_reason = std::move(gated.rejection);
     report.patient = gated.patient;
   }
   if (report.hold_reason) {
-    report.contradicts = report.observation.registration.status == RegistrationStatus::kConverged;
     task_->interrupt();
     return;
   }

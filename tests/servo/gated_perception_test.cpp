@@ -82,6 +82,7 @@ TEST_F(CatheterAlone, DoesNotSayWhereFarVesselsAre) {
   ASSERT_TRUE(seen.by_catheter);
   EXPECT_FALSE(seen.patient);
   EXPECT_NE(seen.rejection.value().find("uncertainty of the target"), std::string::npos) << *seen.rejection;
+  EXPECT_FALSE(seen.contradicts()) << "the catheter may come nearer: no fault that a person has to reset";
 }
 
 TEST_F(CatheterAlone, IsNotAskedUnlessTheSettingsSaySo) {

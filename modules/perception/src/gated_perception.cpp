@@ -144,6 +144,7 @@ void GatedPerception::goByCatheter(RegisteredByCatheter by, const CameraPlace& p
   if (!result.rejection) {
     const PatientObservation patient = observationAt(target_, by, tree_);
     result.rejection = gate_.tooUnsure(patient);
+    result.out_of_reach = result.rejection.has_value();
     if (!result.rejection) result.patient = patient;
   }
   result.by_catheter = std::move(by);

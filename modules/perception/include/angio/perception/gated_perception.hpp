@@ -23,8 +23,14 @@ struct GatedObservation {
   /// Of a frame that was registered by its catheter: how. The observation's registration is then ofWholeTree() of it.
   std::optional<RegisteredByCatheter> by_catheter;
 
-  /// Whether a sound registration says what cannot be: it converged, far from calibration or prediction.
-  bool contradicts() const { return rejection && observation.registration.status == RegistrationStatus::kConverged; }
+  /// Whether the catheter's registration is rejected for no more than that its target is too far from the catheter.
+  bool out_of_reach = false;
+
+  /// Whether a sound registration says what cannot be: it converged, far from calibration or prediction. A target that
+  /// is out of a catheter's reach may come into it as the catheter goes on.
+  bool contradicts() const {
+    return rejection && !out_of_reach && observation.registration.status == RegistrationStatus::kConverged;
+  }
 };
 
 /// Where the target was in a frame, by that and the frames before it, from other places of the C-arm.
