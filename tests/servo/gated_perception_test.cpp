@@ -9,9 +9,31 @@
 #include "angio/test/errors.hpp"
 #include "angio/test/namespace.hpp"
 #include "angio/test/shared_data.hpp"
+#include "stage.hpp"
 
 namespace angio::test {
 namespace {
+
+// A target that is not known well enough holds a machine until it is; what cannot be is a fault that a person resets.
+TEST(GatedPerception, TakesDoubtAboutTheTargetForNoContradiction) {
+  const Stage stage;
+  GatedPerceptionSettings settings = stage.settings.gatedPerception();
+  settings.gate.max_target_std_mm = 0.01;
+  GatedPerception perception(settings, stage.tree);
+  const GatedObservation seen = perception.observe(stage.frame(1), stage.state(1));
+  ASSERT_EQ(seen.observation.registration.status, RegistrationStatus::kConverged);
+  ASSERT_NE(seen.rejection.value_or("").find("uncertainty of the target"), std::string::npos);
+  EXPECT_FALSE(seen.patient);
+  EXPECT_FALSE(seen.contradicts());
+
+  settings = stage.settings.gatedPerception();
+  settings.gate.max_calibration_offset_mm = 0.01;
+  settings.T_dsa_cb.translation().x() += 3e-3;
+  GatedPerception misled(settings, stage.tree);
+  const GatedObservation elsewhere = misled.observe(stage.frame(1), stage.state(1));
+  ASSERT_EQ(elsewhere.observation.registration.status, RegistrationStatus::kConverged);
+  EXPECT_TRUE(elsewhere.contradicts());
+}
 
 // A clinical run of a catheter alone, half a second between its frames.
 class CatheterAlone : public testing::Test {

@@ -128,7 +128,9 @@ void GatedPerception::gate(const XrayView* view, const CameraPlace& place, Gated
   const double expected_m = (calibrated * target_).z();
   focal_length_.see(place.T_camera_patient.linear().row(2).transpose(),
                     (seen.registration.T_camera_model * target_).z() - expected_m, expected_m);
-  if (!result.rejection) result.rejection = gate_.tooUnsure(patient);
+  if (result.rejection) return;
+  result.rejection = gate_.tooUnsure(patient);
+  result.too_unsure = result.rejection.has_value();
   if (!result.rejection) result.patient = patient;
 }
 
@@ -144,7 +146,7 @@ void GatedPerception::goByCatheter(RegisteredByCatheter by, const CameraPlace& p
   if (!result.rejection) {
     const PatientObservation patient = observationAt(target_, by, tree_);
     result.rejection = gate_.tooUnsure(patient);
-    result.out_of_reach = result.rejection.has_value();
+    result.too_unsure = result.rejection.has_value();
     if (!result.rejection) result.patient = patient;
   }
   result.by_catheter = std::move(by);

@@ -23,13 +23,13 @@ struct GatedObservation {
   /// Of a frame that was registered by its catheter: how. The observation's registration is then ofWholeTree() of it.
   std::optional<RegisteredByCatheter> by_catheter;
 
-  /// Whether the catheter's registration is rejected for no more than that its target is too far from the catheter.
-  bool out_of_reach = false;
+  /// Whether it is rejected for no more than that the target is not known well enough for the task.
+  bool too_unsure = false;
 
   /// Whether a sound registration says what cannot be: it converged, far from calibration or prediction. A target that
-  /// is out of a catheter's reach may come into it as the catheter goes on.
+  /// is not known well enough is a doubt, which later frames may end.
   bool contradicts() const {
-    return rejection && !out_of_reach && observation.registration.status == RegistrationStatus::kConverged;
+    return rejection && !too_unsure && observation.registration.status == RegistrationStatus::kConverged;
   }
 };
 
