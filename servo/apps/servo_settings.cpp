@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "servo_settings.hpp"
-#include "angio/cli/further_options.hpp"
-#include "angio/cli/program.hpp"
+
+#include <algorithm>
 
 #include "angio/base/errors.hpp"
+#include "angio/cli/further_options.hpp"
+#include "angio/cli/program.hpp"
 #include "angio/io/settings_files.hpp"
 
 namespace angio::apps {
+namespace {
+
+// In the order of ServoSettings::Perceiver.
+std::vector<std::string> perceivers() { return {"own", "own_and_catheter", "bus"}; }
+
+}  // namespace
 
 void ServoSettings::visit(SettingsVisitor& v) {
   const auto section = [&v](const char* key, auto& settings, const char* meaning) {
@@ -20,7 +28,7 @@ void ServoSettings::visit(SettingsVisitor& v) {
   v.number("latency_ms", latency_ms, 0, 2000, "Time from an exposure until its command moves the machine");
   extractors.visit(v);
   v.choice("method", method, {OrientedKernelSettings::kName, IterativePnpSettings::kName}, "Method of registration");
-  v.choice("perception", perception, {"own", "own_and_catheter", "bus"},
+  v.choice("perception", perception, perceivers(),
            "Who registers frames: this program, also by a catheter alone where nothing else is seen, or another one on "
            "the bus by its REGISTRATION");
   v.integer("starts", starts, 0, 100000, "Starts of a search; 0: as many as the method needs");
@@ -105,7 +113,7 @@ void LoopOptions::addTo(cli::Command& app) {
          "--perception", perception,
          "Who registers frames: own; own_and_catheter, by a catheter alone as well where nothing else is seen; or "
          "bus: another program says REGISTRATION of each (angio-register --bus)")
-      ->check(cli::oneOf({"own", "own_and_catheter", "bus"}))
+      ->check(cli::oneOf(perceivers()))
       ->defaultText("own")
       ->group(cli::kFurtherOptions);
   app.addOption(
@@ -134,10 +142,9 @@ void LoopOptions::applyTo(ServoSettings& settings) const {
     view.goal = ViewGoal::kRequested;
   }
   if (!perception.empty()) {
-    using Perceiver = ServoSettings::Perceiver;
-    settings.perception = perception == "bus"   ? Perceiver::kBus
-                          : perception == "own" ? Perceiver::kOwn
-                                                : Perceiver::kOwnAndCatheter;
+    const auto names = perceivers();
+    const auto named = std::find(names.begin(), names.end(), perception) - names.begin();
+    settings.perception = static_cast<ServoSettings::Perceiver>(named);
   }
   if (!center_on.empty()) {
     const TaskSettings chosen = settings.tasks.chosen();
