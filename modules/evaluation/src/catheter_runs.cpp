@@ -71,8 +71,8 @@ Eigen::Matrix3Xd columnsOf(const Eigen::Matrix3Xd& points, const std::vector<int
   return result;
 }
 
-// Quantiles of chi^2 with two degrees of freedom: of 90 %, and of three standard deviations of one axis (99.7 %).
-constexpr double kIn90 = 4.605, kBeyond = 11.83;
+// Of a 2D normal error, the squares of the distances that 90 and 99.73 % stay within.
+constexpr double kAcrossNinety2 = 4.605, kAcrossBeyond2 = 11.83;
 constexpr Eigen::Index kEveryPoint = 3;  // That is asked.
 
 // What is claimed of the vessels that the catheter does not lie in.
@@ -92,8 +92,8 @@ std::optional<CatheterRunFrame::Beside> besideOf(const RegisteredByCatheter& by,
     const Eigen::Vector2d off = across * (truth * (p + trial.displacements_m.col(i)) - seen.placeAt(p));
     const Eigen::Matrix2d claimed = across * seen.pointCovariance(p) * across.transpose();
     const double squared = off.dot(claimed.inverse() * off);
-    sum.plane_in += squared <= kIn90;
-    sum.beyond += squared > kBeyond;
+    sum.plane_in += squared <= kAcrossNinety2;
+    sum.beyond += squared > kAcrossBeyond2;
     ++count;
   }
   if (count == 0) return std::nullopt;

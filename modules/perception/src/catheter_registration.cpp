@@ -147,12 +147,12 @@ void CatheterRegistration::learn() {
     learning_.emplace(Learning{std::move(frames), std::move(localiser), {}, 0, kept_});
   }
   for (int round = 0; learning_ && (rounds_at_once_ == 0 || round < rounds_at_once_); ++round) {
-    if (!goOn()) learning_.reset();
+    if (!learnRound()) learning_.reset();
   }
 }
 
 // One more round. Returns whether there are others to come.
-bool CatheterRegistration::goOn() {
+bool CatheterRegistration::learnRound() {
   if (!learning_->localiser.step()) return true;
   const SequenceResult& other = learning_->localiser.result();
   if (!learning_->found) {

@@ -32,8 +32,8 @@ struct CatheterRunFrame {
   std::optional<double> across_m;
   std::optional<CaseOutcome::Claim> claim;
   /// Of a converged one, at points of the other vessels that may be a target of `centre`, as they are claimed to be
-  /// known well enough across the beam: shares that lie within their 90 %, and beyond three standard deviations.
-  /// Nothing where there are none.
+  /// known well enough across the beam: shares that lie within the ellipse of their 90 % across the beam, and beyond
+  /// that of three standard deviations (99.73 %). Nothing where there are none.
   struct Beside {
     double plane_in = 0, beyond = 0;
   };

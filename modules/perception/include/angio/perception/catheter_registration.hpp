@@ -36,7 +36,8 @@ struct RegisteredByCatheter {
 class CatheterRegistration {
  public:
   /// @param rounds_at_once  How many rounds of localising the run learn() goes through in a call; 0: as many as it
-  ///                        takes. A round takes some 20 ms a frame of the run where its pose is not known.
+  ///                        takes. All of them took 1.1 s for four frames of the clinical run, whose poses are 35 mm
+  ///                        off, 0.6 s for each start aside of the answer, and 4.5 s for 32 frames.
   /// Throws InputError when a setting is out of its range.
   CatheterRegistration(const OrientedKernelSettings& method, const VesselTree& tree, int rounds_at_once = 0);
 
@@ -75,7 +76,7 @@ class CatheterRegistration {
     int kept = 0;           // Frames that had been kept when it began.
   };
 
-  bool goOn();
+  bool learnRound();
   void pin(const Learning& learnt);
   std::optional<RegisteredByCatheter> registered(const XrayView& view, const SequenceFrame& frame,
                                                  const TipBelief& belief) const;
