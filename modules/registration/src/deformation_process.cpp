@@ -7,6 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "place_correlation.hpp"
+
 namespace angio::registration {
 namespace {
 
@@ -34,14 +36,6 @@ constexpr std::array<double, 2> kTogether = {1, 5};
 constexpr double kFloor_px = 0.05;
 constexpr std::size_t kMaxAsked = 64;
 
-Eigen::MatrixXd distances(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
-  Eigen::MatrixXd squares = -2 * a.transpose() * b;
-  squares.colwise() += a.colwise().squaredNorm().transpose();
-  squares.rowwise() += b.colwise().squaredNorm();
-  squares = squares.cwiseMax(0).cwiseSqrt();
-  return squares;
-}
-
 // Matrices of a thousand rows are made some columns at a time, which stay in the cache. `make` is told the first and
 // how many.
 template <typename Make>
@@ -54,13 +48,6 @@ void inColumns(Eigen::Index columns, Make&& make) {
   }
 }
 
-// Adds a share of a correlation by distances over the length: Matern 5/2 but for the factors of sqrt(5).
-void addMatern(double share, const Eigen::ArrayXXd& apart_m, double length_m, Eigen::ArrayXXd& to) {
-  if (share == 0) return;
-  const Eigen::ArrayXXd d = apart_m / length_m;
-  to += share * ((1 + d + d.square() / 3) * (-d).exp());
-}
-
 // What residuals see of displacements that go together as `together` says of two sets of places: its lower triangle,
 // which is all that a factor asks for, and zeros above. `add` adds to some columns of it, from a row on.
 template <typename Together, typename Add>
@@ -69,7 +56,8 @@ Eigen::MatrixXd lowerOfResiduals(const ResidualArrays& groups, Together&& togeth
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n, n);
   inColumns(n, [&](Eigen::Index first, Eigen::Index count) {
     const Eigen::Index rows = n - first;
-    Eigen::MatrixXd block = groups.gradient.rightCols(rows).transpose() * groups.gradient.middleCols(first, count);
+    Eigen::MatrixXd block =
+        groups.gradient.rightCols(rows).transpose().lazyProduct(groups.gradient.middleCols(first, count));
     block.array() *= together(groups.at.rightCols(rows).eval(), groups.at.middleCols(first, count).eval()).array();
     add(first, count, block);
     result.block(first, first, rows, count) = block;
@@ -140,23 +128,19 @@ ResidualArrays::ResidualArrays(const std::vector<ResidualGroup>& groups) {
 
 DeformationProcess::DeformationProcess(const std::vector<ResidualGroup>& groups, double length_m,
                                        const ProcessShape& shape)
-    : length_m_(length_m), radius2_m2_(1e-6), shape_(shape) {
+    : radius2_m2_(1e-6), shape_(shape) {
+  for (const CorrelationPart& part : {CorrelationPart{shape.over_long, length_m, true},
+                                      {shape.over_half, kHalf * length_m, true},
+                                      {shape.over_short, kShort * length_m, true},
+                                      {kRough, kRough_m, false}}) {
+    if (part.share > 0) parts_.push_back(part);
+  }
   for (const ResidualGroup& group : groups) radius2_m2_ += group.at.squaredNorm() / static_cast<double>(groups.size());
 }
 
 Eigen::MatrixXd DeformationProcess::alike(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) const {
-  Eigen::MatrixXd result(a.cols(), b.cols());
-  inColumns(b.cols(), [&](Eigen::Index first, Eigen::Index count) {
-    const Eigen::Matrix3Xd some = b.middleCols(first, count);
-    const Eigen::ArrayXXd apart_m = distances(a, some).array();
-    Eigen::ArrayXXd smooth = Eigen::ArrayXXd::Zero(a.cols(), count);
-    addMatern(shape_.over_long, apart_m, length_m_, smooth);
-    addMatern(shape_.over_half, apart_m, kHalf * length_m_, smooth);
-    addMatern(shape_.over_short, apart_m, kShort * length_m_, smooth);
-    smooth += kRough * (-apart_m / kRough_m).exp();
-    result.middleCols(first, count) = kStrain / radius2_m2_ * a.transpose() * some;
-    result.middleCols(first, count) += smooth.matrix();
-  });
+  Eigen::MatrixXd result = placeCorrelation(parts_, a, b).cast<double>();
+  result += (kStrain / radius2_m2_ * a).transpose().lazyProduct(b);
   return result;
 }
 
@@ -183,11 +167,7 @@ Eigen::Matrix<double, Eigen::Dynamic, 3> DeformationProcess::withPlace(const Res
 }
 
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
-  Eigen::MatrixXd result(a.cols(), b.cols());
-  inColumns(b.cols(), [&](Eigen::Index first, Eigen::Index count) {
-    result.middleCols(first, count) = (-distances(a, b.middleCols(first, count)) / kLocal_m).array().exp();
-  });
-  return result;
+  return placeCorrelation({{1, kLocal_m, false}}, a, b).cast<double>();
 }
 
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {

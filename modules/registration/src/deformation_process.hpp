@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "place_correlation.hpp"
 #include "residual_groups.hpp"
 
 namespace angio::registration {
@@ -69,7 +70,8 @@ class DeformationProcess {
   Eigen::Matrix<double, Eigen::Dynamic, 3> withPlace(const ResidualArrays& groups, const Eigen::Vector3d& at) const;
 
  private:
-  double length_m_ = 1, radius2_m2_ = 1;
+  std::vector<CorrelationPart> parts_;
+  double radius2_m2_ = 1;
   ProcessShape shape_{0, 1, 0, 0, 1};
 };
 
