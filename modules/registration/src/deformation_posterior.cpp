@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "deformation_posterior.hpp"
-#include "angio/geometry/decompositions.hpp"
 
 #include <utility>
+
+#include "angio/geometry/decompositions.hpp"
+#include "lower_factor.hpp"
 
 namespace angio::registration {
 DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& groups, const PosePriorTerm& belief,
@@ -22,17 +24,17 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
   Eigen::MatrixXd C = covarianceOfResiduals(process_, groups_, moments_, amplitude_m_, local_m_);
   if (!C.allFinite()) return;
   C.diagonal() += noise_px2_;
-  factor_.compute(C);
-  if (factor_.info() != Eigen::Success) return;
+  if (!factorLower(C)) return;
+  lower_ = std::move(C);
   Matrix6d information = Matrix6d::Zero();
   Vector6d pull = Vector6d::Zero();
   belief.add(T_camera_centered, information, pull);
   const auto& J = groups_.jacobian;
-  whitened_jacobian_ = factor_.matrixL().solve(J);
+  whitened_jacobian_ = factor().solve(J);
   noise_ = inverseOf(J.transpose() * noise_px2_.cwiseInverse().asDiagonal() * J + information);
   twist_ = inverseOf(whitened_jacobian_.transpose() * whitened_jacobian_ + information);
-  mean_ = -twist_ * (whitened_jacobian_.transpose() * factor_.matrixL().solve(groups_.residual_px) + pull);
-  weights_ = -factor_.solve(groups_.residual_px + J * mean_);
+  mean_ = -twist_ * (whitened_jacobian_.transpose() * factor().solve(groups_.residual_px) + pull);
+  weights_ = -factor().transpose().solve(factor().solve(groups_.residual_px + J * mean_));
   known_ = noise_.allFinite() && twist_.allFinite() && mean_.allFinite() && weights_.allFinite();
 }
 
@@ -67,7 +69,7 @@ Eigen::Matrix3d DeformationPosterior::pointCovariance(const Eigen::Vector3d& at)
   const Eigen::VectorXd deformation = deformation2_m2 * ofGroups(moments_.deformation, now);
   const Eigen::Matrix<double, Eigen::Dynamic, 3> with =
       deformation.asDiagonal() * process_.withPlace(groups_, at) + local.asDiagonal() * groups_.gradient.transpose();
-  const Eigen::Matrix<double, Eigen::Dynamic, 3> seen = factor_.matrixL().solve(with);
+  const Eigen::Matrix<double, Eigen::Dynamic, 3> seen = factor().solve(with);
   const Eigen::Matrix<double, 3, 6> by_twist = jacobian(at) - seen.transpose() * whitened_jacobian_;
   return deformation2_m2 * moments_.deformation(now, now) * process_.covariance(at) +
          (local2_m2 + moments_.shift_m2(now, now)) * Eigen::Matrix3d::Identity() - seen.transpose() * seen +

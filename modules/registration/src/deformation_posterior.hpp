@@ -54,12 +54,13 @@ class DeformationPosterior final : public TreeError {
 
  private:
   Eigen::Index newest() const { return moments_.deformation.cols() - 1; }
+  const auto factor() const { return lower_.triangularView<Eigen::Lower>(); }
   Eigen::ArrayXd ofGroups(const Eigen::MatrixXd& by_moment, Eigen::Index moment) const;
 
   ResidualArrays groups_;
   Moments moments_;
   DeformationProcess process_;
-  Eigen::LLT<Eigen::MatrixXd> factor_;  // Of the residuals' covariance, the pose known.
+  Eigen::MatrixXd lower_;  // L of L L^T, the residuals' covariance, the pose known.
   Eigen::Matrix<double, Eigen::Dynamic, 6> whitened_jacobian_;
   Eigen::VectorXd weights_;  // Of the groups' residuals in a displacement.
   Eigen::VectorXd noise_px2_;

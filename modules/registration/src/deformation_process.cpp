@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "lower_factor.hpp"
 #include "place_correlation.hpp"
 
 namespace angio::registration {
@@ -237,10 +238,9 @@ double restrictedLogLikelihood(const DeformationProcess& process, const std::vec
   const ResidualArrays groups(all);
   Eigen::MatrixXd C = covarianceOfResiduals(process, groups, moments, sizes.deformation_m, sizes.local_m);
   C.diagonal() += sizes.together * groups.noise_px2;
-  const Eigen::LLT<Eigen::MatrixXd> factor(C);
-  if (factor.info() != Eigen::Success) return std::nan("");
-  const Eigen::Matrix<double, Eigen::Dynamic, 7> whitened = factor.matrixL().solve(designOf(groups));
-  return restrictedLikelihood(whitened, 2 * factor.matrixLLT().diagonal().array().log().sum());
+  if (!factorLower(C)) return std::nan("");
+  const Eigen::Matrix<double, Eigen::Dynamic, 7> whitened = C.triangularView<Eigen::Lower>().solve(designOf(groups));
+  return restrictedLikelihood(whitened, 2 * C.diagonal().array().log().sum());
 }
 
 }  // namespace angio::registration
