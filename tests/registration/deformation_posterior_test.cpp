@@ -165,6 +165,23 @@ TEST(DeformationPosterior, ADeformedTreeKeepsTheDepthOfThePrior) {
   }
 }
 
+// Of many places at once as of each.
+TEST(DeformationProcess, OfWeightsIsTheWeighedSum) {
+  test::Random random(54);
+  const DrawnPosterior drawn = drawPosterior(random, 1e-3);
+  const DeformationProcess process(drawn.groups, kFieldLength_m, kViewsShape);
+  const ResidualArrays groups(drawn.groups);
+  const Eigen::VectorXd weights = Eigen::VectorXd::LinSpaced(groups.at.cols(), -1, 2);
+  const Eigen::Matrix3Xd at = 0.05 * Eigen::Matrix3Xd::Random(3, 21);
+  const Eigen::Matrix3Xd result = process.ofWeights(groups, weights, at);
+  const Eigen::Matrix3Xd local = registration::localOfWeights(groups, weights, at);
+  for (Eigen::Index i = 0; i < at.cols(); ++i) {
+    EXPECT_TRUE(result.col(i).isApprox(process.withPlace(groups, at.col(i)).transpose() * weights, 1e-9));
+    const Eigen::VectorXd factor = registration::localCorrelation(groups.at, at.col(i));
+    EXPECT_TRUE(local.col(i).isApprox(groups.gradient * factor.cwiseProduct(weights), 1e-9));
+  }
+}
+
 // The law does not depend on the axes of the model.
 TEST(DeformationPosterior, TurnsWithTheModel) {
   test::Random random(53);

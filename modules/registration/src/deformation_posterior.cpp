@@ -49,9 +49,7 @@ Eigen::Matrix3Xd DeformationPosterior::displacements(const Eigen::Matrix3Xd& at,
   const Eigen::VectorXd weights = weights_.array() * ofGroups(moments_.deformation, moment);
   const Eigen::VectorXd shifts = weights_.array() * ofGroups(moments_.shift_m2, moment);
   Eigen::Matrix3Xd result =
-      groups_.gradient * (weights.asDiagonal() * (deformation2_m2 * process_.alike(groups_.at, at)) +
-                          weights_.asDiagonal() * (local2_m2 * localCorrelation(groups_.at, at))) +
-      deformation2_m2 * process_.growth() * groups_.outwards.dot(weights) * at;
+      process_.ofWeights(groups_, deformation2_m2 * weights, at) + localOfWeights(groups_, local2_m2 * weights_, at);
   result.colwise() += groups_.gradient * shifts;
   return result;
 }

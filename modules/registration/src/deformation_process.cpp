@@ -26,7 +26,7 @@ constexpr double kHalf = 1.0 / 2, kShort = 1.0 / 6;
 constexpr double kRough = 0.015, kRough_m = 20e-3;
 
 // Over such a length the model's own error goes together: how it was traced, and how vessels are found in an image.
-constexpr double kLocal_m = 8e-3;
+const std::vector<CorrelationPart> kLocalError = {{1, 8e-3, false}};
 
 // Amplitudes that are tried [m]. Of errors that are local no more is believed than a voxel of a CT.
 constexpr std::array<double, 10> kDeformation_m = {0,      0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3,
@@ -62,6 +62,18 @@ Eigen::MatrixXd lowerOfResiduals(const ResidualArrays& groups, Together&& togeth
     block.array() *= together(groups.at.rightCols(rows).eval(), groups.at.middleCols(first, count).eval()).array();
     add(first, count, block);
     result.block(first, first, rows, count) = block;
+  });
+  return result;
+}
+
+// The sums over the groups of weight, gradient and correlation with each of the places.
+Eigen::Matrix3Xd weighedCorrelation(const std::vector<CorrelationPart>& parts, const ResidualArrays& groups,
+                                    const Eigen::VectorXd& weights, const Eigen::Matrix3Xd& at) {
+  const Eigen::MatrixX3d weighed = weights.asDiagonal() * groups.gradient.transpose();
+  Eigen::Matrix3Xd result(3, at.cols());
+  inColumns(at.cols(), [&](Eigen::Index first, Eigen::Index count) {
+    const Eigen::MatrixXd some = placeCorrelation(parts, groups.at, at.middleCols(first, count)).cast<double>();
+    result.middleCols(first, count) = weighed.transpose().lazyProduct(some);
   });
   return result;
 }
@@ -167,8 +179,21 @@ Eigen::Matrix<double, Eigen::Dynamic, 3> DeformationProcess::withPlace(const Res
   return factor.asDiagonal() * groups.gradient.transpose() + growth() * groups.outwards * at.transpose();
 }
 
+Eigen::Matrix3Xd DeformationProcess::ofWeights(const ResidualArrays& groups, const Eigen::VectorXd& weights,
+                                               const Eigen::Matrix3Xd& at) const {
+  // What is linear in the place needs no pairs.
+  Eigen::Matrix3d linear = kStrain / radius2_m2_ * groups.gradient * weights.asDiagonal() * groups.at.transpose();
+  linear.diagonal().array() += growth() * groups.outwards.dot(weights);
+  return linear * at + weighedCorrelation(parts_, groups, weights, at);
+}
+
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
-  return placeCorrelation({{1, kLocal_m, false}}, a, b).cast<double>();
+  return placeCorrelation(kLocalError, a, b).cast<double>();
+}
+
+Eigen::Matrix3Xd localOfWeights(const ResidualArrays& groups, const Eigen::VectorXd& weights,
+                                const Eigen::Matrix3Xd& at) {
+  return weighedCorrelation(kLocalError, groups, weights, at);
 }
 
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {

@@ -69,6 +69,10 @@ class DeformationProcess {
   /// Returns the covariance of the groups' residuals with the displacement of a place, n x 3 [px/m].
   Eigen::Matrix<double, Eigen::Dynamic, 3> withPlace(const ResidualArrays& groups, const Eigen::Vector3d& at) const;
 
+  /// Returns for all of a set of places, 3 x m, the sums of those over the groups with these weights, 3 x m.
+  Eigen::Matrix3Xd ofWeights(const ResidualArrays& groups, const Eigen::VectorXd& weights,
+                             const Eigen::Matrix3Xd& at) const;
+
  private:
   std::vector<CorrelationPart> parts_;
   double radius2_m2_ = 1;
@@ -78,6 +82,10 @@ class DeformationProcess {
 /// Returns the correlation, alike on every axis, of what a model is off over millimetres, for all pairs of two sets of
 /// places, 3 x n and 3 x m: n x m.
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b);
+
+/// Returns for all of a set of places, 3 x m, the sums over the groups of weight, gradient and that correlation, 3 x m.
+Eigen::Matrix3Xd localOfWeights(const ResidualArrays& groups, const Eigen::VectorXd& weights,
+                                const Eigen::Matrix3Xd& at);
 
 /// Returns the covariance of the groups' residuals by it, for an amplitude of 1, n x n [px^2/m^2]: the lower triangle,
 /// and zeros above.
