@@ -318,6 +318,28 @@ TEST(DeformationFit, FindsASmoothDeformation) {
   }
 }
 
+// Besides a large smooth deformation one over short lengths, which the posterior of one view smooths away.
+TEST(DeformationFit, RefinesLargeDeformationsAcrossTheBeamOnly) {
+  DeformedScene s;
+  Eigen::Matrix3Xd truth = wave(s.tree, 2e-3);
+  const Eigen::Matrix3Xd centered = s.tree.points().colwise() - s.model.centroid;
+  for (Eigen::Index i = 0; i < truth.cols(); ++i) {
+    truth.col(i) += 0.8e-3 * (centered.col(i) / 9e-3).array().sin().matrix();
+  }
+  s.show(truth);
+  DeformationFit fit(s.model, {});
+  const auto result = fit.fit(s.frame, s.belief(), s.T_centered);
+  ASSERT_TRUE(result.posterior);
+  ASSERT_GT(result.posterior->amplitude_m(), 2.5e-3);
+  DeformationFit::Result smooth = result;
+  smooth.displacements_m = result.posterior->displacements(s.model.points);
+  EXPECT_LT(s.projectionError(result, truth), 0.85 * s.projectionError(smooth, truth));
+  const Eigen::Matrix3Xd change_m =
+      result.T_camera_centered.linear() * (result.displacements_m - smooth.displacements_m);
+  EXPECT_GT(change_m.topRows<2>().cwiseAbs().maxCoeff(), 0.5e-3);
+  EXPECT_LT(change_m.row(2).cwiseAbs().maxCoeff(), 0.05e-3);  // The fit's displacements are linear between its nodes.
+}
+
 TEST(DeformationFit, FindsNoneWhereThereIsNone) {
   for (const double noise_px : {0.0, 1.0}) {
     DeformedScene s;

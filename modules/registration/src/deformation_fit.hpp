@@ -16,7 +16,8 @@ namespace angio::registration {
 /// Both alternate looks and exact joint steps of pose and modes; with DeformationDetail::kFull a correction of each
 /// stretch of vessel comes last. One view says nothing about displacement along its beam: displacements are then
 /// parallel to its detector. Several views give all three directions. What has been matched then decides: the result is
-/// the mean of pose and deformation given those matches (DeformationPosterior), in all three directions.
+/// the mean of pose and deformation given those matches (DeformationPosterior), in all three directions. In one view the
+/// tree is then found again across the beam, by what goes together over shorter lengths: its depths stay.
 class DeformationFit {
  public:
   /// Does all that depends on the tree only. Borrows the model. Throws InputError when a setting is out of its range.
@@ -29,7 +30,8 @@ class DeformationFit {
     double last_step_px = 0;  ///< Root mean square over the points; steps that extrapolate count as taken.
     /// Of the twist about the centroid, model axes, whatever the deformation is.
     Matrix6d pose_covariance = Matrix6d::Identity();
-    /// Of pose and deformation, whose means the others are; null where too little was matched for one.
+    /// Of pose and deformation, whose means the others are, but for one view's displacements across the beam, which
+    /// are known better; null where too little was matched for one.
     std::shared_ptr<const DeformationPosterior> posterior;
     /// What it was found from, of one view, in fewer groups, about this pose and no displacement; empty without it.
     std::vector<ResidualGroup> groups;
