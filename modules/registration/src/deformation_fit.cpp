@@ -89,8 +89,9 @@ class DeformationFit::Run {
     if (full) followLines(lines_alone ? kLinesAloneLocalRounds : kLocalRounds, kLocalMisfit, true);
     if (aim == Aim::kResult) {
       conclude();
-      const bool one_view = frame_.viewCount() == 1;
-      if (one_view && result_.posterior && result_.posterior->amplitude_m() > kRefinedAcross_m) refineAcross();
+      // Of a few lines the smooth process says more of the vessels that have none.
+      const bool refines = frame_.viewCount() == 1 && !lines_alone;
+      if (refines && result_.posterior && result_.posterior->amplitude_m() > kRefinedAcross_m) refineAcross();
     }
     result_.T_camera_centered = T_;
     result_.T_camera_centered.linear() = nearestRotation(T_.linear());
