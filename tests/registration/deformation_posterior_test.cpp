@@ -166,7 +166,7 @@ TEST(DeformationPosterior, ADeformedTreeKeepsTheDepthOfThePrior) {
 }
 
 // Of many places at once as of each.
-TEST(DeformationProcess, OfWeightsIsTheWeighedSum) {
+TEST(DeformationProcess, OfWeightsIsTheWeightedSum) {
   test::Random random(54);
   const DrawnPosterior drawn = drawPosterior(random, 1e-3);
   const DeformationProcess process(drawn.groups, kFieldLength_m, kViewsShape);

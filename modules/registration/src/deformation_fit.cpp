@@ -42,7 +42,7 @@ constexpr double kLastViewsGate_px = 6;
 
 // One view's process and groups leave depth to the belief, and are too coarse across the beam for large deformations.
 // From which amplitude on, and how often at most, the tree is found again across it, at a pose that is known so well; a
-// round that moves it by less (rms) is the last. Trees deformed by 1 mm gain nothing (0.22 and 0.21 mm off).
+// round that moves it by less (rms) is the last. Trees deformed by 1 mm gain little (0.21 mm off in place of 0.22 mm).
 constexpr double kRefinedAcross_m = 2.5e-3, kAcrossRest_m = 0.3e-3, kPinned_m = 0.1e-3, kPinned_rad = 1e-3;
 constexpr int kAcrossRounds = 2;
 

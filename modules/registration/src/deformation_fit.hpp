@@ -16,8 +16,9 @@ namespace angio::registration {
 /// Both alternate looks and exact joint steps of pose and modes; with DeformationDetail::kFull a correction of each
 /// stretch of vessel comes last. One view says nothing about displacement along its beam: displacements are then
 /// parallel to its detector. Several views give all three directions. What has been matched then decides: the result is
-/// the mean of pose and deformation given those matches (DeformationPosterior), in all three directions. In one view the
-/// tree is then found again across the beam, by what goes together over shorter lengths: its depths stay.
+/// the mean of pose and deformation given those matches (DeformationPosterior), in all three directions. In one view a
+/// tree that is deformed by millimetres is then found again across the beam, by what goes together over shorter
+/// lengths: its depths stay.
 class DeformationFit {
  public:
   /// Does all that depends on the tree only. Borrows the model. Throws InputError when a setting is out of its range.

@@ -67,13 +67,13 @@ Eigen::MatrixXd lowerOfResiduals(const ResidualArrays& groups, Together&& togeth
 }
 
 // The sums over the groups of weight, gradient and correlation with each of the places.
-Eigen::Matrix3Xd weighedCorrelation(const std::vector<CorrelationPart>& parts, const ResidualArrays& groups,
-                                    const Eigen::VectorXd& weights, const Eigen::Matrix3Xd& at) {
-  const Eigen::MatrixX3d weighed = weights.asDiagonal() * groups.gradient.transpose();
+Eigen::Matrix3Xd weightedCorrelation(const std::vector<CorrelationPart>& parts, const ResidualArrays& groups,
+                                     const Eigen::VectorXd& weights, const Eigen::Matrix3Xd& at) {
+  const Eigen::MatrixX3d weighted = weights.asDiagonal() * groups.gradient.transpose();
   Eigen::Matrix3Xd result(3, at.cols());
   inColumns(at.cols(), [&](Eigen::Index first, Eigen::Index count) {
     const Eigen::MatrixXd some = placeCorrelation(parts, groups.at, at.middleCols(first, count)).cast<double>();
-    result.middleCols(first, count) = weighed.transpose().lazyProduct(some);
+    result.middleCols(first, count) = weighted.transpose().lazyProduct(some);
   });
   return result;
 }
@@ -184,7 +184,7 @@ Eigen::Matrix3Xd DeformationProcess::ofWeights(const ResidualArrays& groups, con
   // What is linear in the place needs no pairs.
   Eigen::Matrix3d linear = kStrain / radius2_m2_ * groups.gradient * weights.asDiagonal() * groups.at.transpose();
   linear.diagonal().array() += growth() * groups.outwards.dot(weights);
-  return linear * at + weighedCorrelation(parts_, groups, weights, at);
+  return linear * at + weightedCorrelation(parts_, groups, weights, at);
 }
 
 Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
@@ -193,7 +193,7 @@ Eigen::MatrixXd localCorrelation(const Eigen::Matrix3Xd& a, const Eigen::Matrix3
 
 Eigen::Matrix3Xd localOfWeights(const ResidualArrays& groups, const Eigen::VectorXd& weights,
                                 const Eigen::Matrix3Xd& at) {
-  return weighedCorrelation(kLocalError, groups, weights, at);
+  return weightedCorrelation(kLocalError, groups, weights, at);
 }
 
 Eigen::MatrixXd localErrorOfResiduals(const ResidualArrays& groups) {

@@ -36,10 +36,10 @@ inline constexpr ProcessShape kRigidShape{2, 0.5, 0.5, 0, 1.5};
 /// Of a fit that deforms to one view. Trees that deform smoothly grow by more than a rigid fit's errors have it: depth
 /// is then the belief's.
 inline constexpr ProcessShape kOneViewShape{8, 0.5, 0.5, 0, 2.2};
-/// Of a fit to several views, which tell depth. Measured motions of lungs carried over to brains, less a linear map:
-/// differences over 4, 9, 17, 31 and 52 mm have 0.03, 0.10, 0.30, 0.68 and 1.0 of their variance, as a Matern 5/2 over
-/// 10 mm has it. They tell how large a deformation is; what else is off is seen place by place (LocalMisfit), and
-/// by how much is explained (claimsOfViews).
+/// Of a fit to several views, which tell depth, and of one across the beam of a view whose pose is held. Measured
+/// motions of lungs carried over to brains, less a linear map: differences over 4, 9, 17, 31 and 52 mm have 0.03, 0.10,
+/// 0.30, 0.68 and 1.0 of their variance, as a Matern 5/2 over 10 mm has it. They tell how large a deformation is; what
+/// else is off is seen place by place (LocalMisfit), and by how much is explained (claimsOfViews).
 inline constexpr ProcessShape kViewsShape{8, 0.1, 0.1, 0.8, 1};
 
 /// What is expected of a tree's deformation before an image is looked at, for an amplitude of 1.

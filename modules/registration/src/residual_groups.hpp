@@ -50,8 +50,9 @@ struct Grouping {
 inline constexpr Grouping kCoarseGroups{64, 15e-3, 0.5, 8, false};
 /// For a deformation that follows them in one view ...
 inline constexpr Grouping kOneViewGroups{400, 15e-3, 0.5, 8, false};
-/// ... and in several. Displacements and gradients change along a vessel, and the mean of their products is not the
-/// product of their means: of brains deformed by 5 mm groups that reach 15 mm are 1.5 px off (rms), 10 mm 0.9 px.
+/// ... and in several, or across the beam of a view whose pose is held. Displacements and gradients change along a
+/// vessel, and the mean of their products is not the product of their means: of brains deformed by 5 mm groups that
+/// reach 15 mm are 1.5 px off (rms), 10 mm 0.9 px.
 inline constexpr Grouping kViewsGroups{1000, 10e-3, 0.8, 3, true};
 
 /// Returns the residuals in groups along the vessels.
