@@ -267,6 +267,43 @@ TEST(Brava, TreesAreReadAndTakenApartWhereTheyAreJoined) {
   EXPECT_EQ(trees, 10);
 }
 
+// One view leaves the depth of a deformed tree to the belief: the same tree at another depth is no other answer, for
+// which a fit would be refused, or searched for further away.
+TEST(Brava, ATreeThatALungsMotionDeformsIsFoundInOneView) {
+  NEED_SHARED_DATA("brava/BG10.swc");
+  NEED_SHARED_DATA("lung-motion/case_054.csv");
+  const test::TemporaryFolder folder;
+  const auto ended = test::run("angio-evaluate", {"simulation",
+                                                  "--tree",
+                                                  test::sharedData("brava/BG10.swc"),
+                                                  "--tree",
+                                                  test::sharedData("brava/BH0006.swc"),
+                                                  "--deformation-field",
+                                                  test::sharedData("lung-motion/case_054.csv"),
+                                                  "--deformation-mm",
+                                                  "5",
+                                                  "--nonrigid",
+                                                  "--noise-px",
+                                                  "1",
+                                                  "--spurious",
+                                                  "5",
+                                                  "--trials",
+                                                  "8",
+                                                  "--seed",
+                                                  "5",
+                                                  "--out",
+                                                  folder.path("trials.json")});
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const auto trials = nlohmann::json::parse(test::contentOf(folder.path("trials.json")));
+  const auto& cases = trials["methods"]["oriented_kernel"]["cases"];
+  EXPECT_EQ(cases.size(), 8);
+  for (const auto& [name, trial] : cases.items()) {
+    EXPECT_EQ(trial["status"], "converged") << name << ": " << trial["reason"];
+    EXPECT_LE(trial["claim"]["beyond"], 0.05) << name;
+    EXPECT_LT(trial["error"]["in_plane_mm"], 1) << name;
+  }
+}
+
 // One view of an arch leaves some millimetres of depth open: the C-arm goes to the view that the catheter asks for all
 // the same, and the catheter, in a vessel five times as wide as its tip is deflected, is where it is said to be.
 TEST(AorticArch, ACatheterIsSteeredWhereOneViewLeavesDepthOpen) {

@@ -16,6 +16,7 @@
 #include "model_error.hpp"
 #include "pose_comparison.hpp"
 #include "pose_prior_term.hpp"
+#include "same_place.hpp"
 #include "search_passes.hpp"
 
 namespace angio::registration {
@@ -39,10 +40,8 @@ constexpr std::size_t kShiftPlaces = 32;
 constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
 // An alternative with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
-// Alternatives that are deformed; and how near to each other two deformed trees lie that are one answer: across the
-// beam, rms, and along it in standard deviations of what is claimed.
+// So many alternatives are deformed.
 constexpr int kMaxDeformed = 3;
-constexpr double kSamePlace_m = 3e-3, kSameDepthStds = 3;
 // What fits to the wrong tree reach: below that score, with an alternative that does nearly as well, nothing has been
 // found.
 constexpr double kChanceScore = 0.12, kChanceAlternative = 0.5;
@@ -282,30 +281,21 @@ class OrientedKernel final : public Registration {
       const double its_score = alignmentScore(tree, points, frame_.views(), T).score();
       result.times.nonrigid_s += stage.seconds();
       share = score > 0 ? std::min(1.0, its_score / score) : 1.0;
-      if (!isSamePlace(T, points, result)) break;
+      if (!isWhereFound(T, points, result)) break;
       // The same answer from elsewhere: the deformation has made up for the difference.
       known.push_back(alternative.T_camera_centered);
     }
     classifyAgainst(share, model_.resampled.tree, result);
   }
 
-  // Whether a deformed tree lies where the result has it, as far as the result claims to know: a tree with near and far
-  // exchanged looks the same across the beam.
-  bool isSamePlace(const Pose& T_camera_model, const Eigen::Matrix3Xd& points, const RegistrationResult& result) const {
+  // Whether a deformed tree lies where the result has it.
+  bool isWhereFound(const Pose& T_camera_model, const Eigen::Matrix3Xd& points,
+                    const RegistrationResult& result) const {
     if (!result.spread) return false;
-    const Eigen::Matrix3Xd given = model_.resampled.ofOriginal(points);
-    double across_m2 = 0, along_m2 = 0;
-    for (int i = 0; i < given_.size(); ++i) {
-      const Eigen::Vector3d there = T_camera_model * Eigen::Vector3d(given.col(i));
-      Eigen::Vector3d here = given_.points().col(i);
-      if (result.displacements_m.cols() > i) here += result.displacements_m.col(i);
-      here = result.T_camera_model * here;
-      const double along_m = (there - here).dot(here.normalized());
-      along_m2 += along_m * along_m;
-      across_m2 += (there - here).squaredNorm() - along_m * along_m;
-    }
-    const auto rms = [&](double sum_m2) { return std::sqrt(sum_m2 / std::max(1, given_.size())); };
-    return rms(across_m2) <= kSamePlace_m && rms(along_m2) <= kSameDepthStds * result.spread->all_m;
+    Eigen::Matrix3Xd found = given_.points();
+    if (result.displacements_m.cols() == found.cols()) found += result.displacements_m;
+    const Eigen::Matrix3Xd there = T_camera_model * model_.resampled.ofOriginal(points);
+    return isSamePlace(result.T_camera_model * found, there, frame_.viewCount() == 1, result.spread->all_m);
   }
 
   void finish(const PosePriorTerm& belief, const Pose& T_camera_centered, const LineFitPlan& plan,
