@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "across_beam.hpp"
+#include "line_gate.hpp"
 #include "oriented_frame.hpp"
 
 namespace angio::registration {
@@ -18,11 +20,10 @@ constexpr int kFirstScale = 1, kStepsPerScale = 6, kFieldPoints = 600;
 constexpr Eigen::Index kFieldModes[kFieldScales] = {16, 16, 24};
 constexpr double kFitOutlierMass = 0.5, kAlong = 0.1, kFieldExtrapolation = 1.8, kFieldRest = 0.03;
 
-// On the lines: rounds of matching and one step. The least tolerance is a share of the least gate.
+// On the lines: rounds of matching and one step.
 constexpr int kSmoothRounds = 6, kLocalRounds = 2, kLinesAloneRounds = 16, kLinesAloneLocalRounds = 5;
 constexpr double kLinesAloneLocal = 4;  // Times the correction that is expected otherwise.
-constexpr double kFirstGate_px = 12, kGateOverNoise = 6, kToleranceOverNoise = 3;
-constexpr double kMinGate_px = 1, kLinesAloneGate_px = 24, kLinesAloneMinGate_px = 10, kMinTolerance = 0.3;
+constexpr double kFirstGate_px = 12, kLinesAloneGate_px = 24, kLinesAloneMinGate_px = 10;
 constexpr double kLineExtrapolation = 1.5, kRest_px = 0.02;
 constexpr double kWideGate_px = 5;  // While matches are this uncertain, fewer points are enough.
 constexpr int kWidePoints = 1000, kNarrowPoints = 1300;
@@ -39,12 +40,6 @@ constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: ev
 // straight that was matched with neighbours, once more and from further away.
 constexpr int kPosteriorRounds = 2, kViewsRounds = 3;
 constexpr double kLastViewsGate_px = 6;
-
-// One view's process and groups leave depth to the belief, and are too coarse across the beam for large deformations.
-// From which amplitude on, and how often at most, the tree is found again across it, at a pose that is known so well; a
-// round that moves it by less (rms) is the last. Trees deformed by 1 mm gain little (0.21 mm off in place of 0.22 mm).
-constexpr double kRefinedAcross_m = 2.5e-3, kAcrossRest_m = 0.3e-3, kPinned_m = 0.1e-3, kPinned_rad = 1e-3;
-constexpr int kAcrossRounds = 2;
 
 // When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
 // to one.
@@ -77,9 +72,9 @@ class DeformationFit::Run {
     const bool full = fit_.settings_.detail == DeformationDetail::kFull;
     const bool lines_alone = shareShown() < kShareShown;
     if (lines_alone) {
-      gate_px_ = kLinesAloneGate_px;
-      tolerance_px_ = gate_px_ / 2;
-      min_gate_px_ = kLinesAloneMinGate_px;
+      gate_.gate_px = kLinesAloneGate_px;
+      gate_.tolerance_px = gate_.gate_px / 2;
+      gate_.min_gate_px = kLinesAloneMinGate_px;
     } else {
       for (int scale = kFirstScale; scale < kFieldScales; ++scale) climb(scale);
     }
@@ -89,9 +84,14 @@ class DeformationFit::Run {
     if (full) followLines(lines_alone ? kLinesAloneLocalRounds : kLocalRounds, kLocalMisfit, true);
     if (aim == Aim::kResult) {
       conclude();
-      // Of a few lines the smooth process says more of the vessels that have none.
+      // One view's process and groups leave depth to the belief, and are too coarse across the beam for large
+      // deformations. Of a few lines the smooth process says more of the vessels that have none.
       const bool refines = frame_.viewCount() == 1 && !lines_alone;
-      if (refines && result_.posterior && result_.posterior->amplitude_m() > kRefinedAcross_m) refineAcross();
+      if (refines && result_.posterior && result_.posterior->amplitude_m() > kWorthRefining_m) {
+        displaced_ =
+            refinedAcrossBeam(fit_.model_, fit_.nodes_, 1e-3 * fit_.settings_.length_mm, frame_.views().front().camera,
+                              frame_.points(0), frame_.views().front().T_view_first * T_, displaced_, gate_);
+      }
     }
     result_.T_camera_centered = T_;
     result_.T_camera_centered.linear() = nearestRotation(T_.linear());
@@ -140,20 +140,15 @@ class DeformationFit::Run {
   // Matches the image and linearises what is left; false where nothing is matched.
   bool pullLines(const Misfit& misfit, bool local) {
     const double point_px = frame_.length_px() / std::max(1, frame_.pointCount()) * match(local);
-    const double noise_px = std::max(noise_px_, misfit.min_noise_px);
+    const double noise_px = std::max(gate_.noise_px, misfit.min_noise_px);
     const double weight = std::min(1.0, point_px / misfit.together_px) / (noise_px * noise_px);
     data_.clear();
     for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
-      data_.addLinePull(viewOf(v), fit_.model_, fit_.chosen_[v], fit_.matches_[v], tolerance_px_, weight);
+      data_.addLinePull(viewOf(v), fit_.model_, fit_.chosen_[v], fit_.matches_[v], gate_.tolerance_px, weight);
     }
     if (!(data_.weight > 0)) return false;
-    noise_px_ = noiseBehind(data_.squares_px2 / data_.weight, tolerance_px_);
+    gate_.noise_px = noiseBehind(data_.squares_px2 / data_.weight, gate_.tolerance_px);
     return true;
-  }
-
-  void tighten() {
-    gate_px_ = std::clamp(kGateOverNoise * noise_px_, min_gate_px_, gate_px_);
-    tolerance_px_ = std::clamp(kToleranceOverNoise * noise_px_, min_gate_px_ * kMinTolerance, tolerance_px_);
   }
 
   void followLines(int rounds, const Misfit& misfit, bool local) {
@@ -163,20 +158,20 @@ class DeformationFit::Run {
         stepLocal();
       else
         stepModes(w_.cols(), kLineExtrapolation);
-      tighten();
+      gate_.tighten();
       if (round >= 2 && result_.last_step_px < kRest_px) return;
     }
   }
 
   // Matches image points of all views; returns how many stand for one.
   int match(bool local) {
-    const int wanted = gate_px_ > kWideGate_px ? kWidePoints : kNarrowPoints;
+    const int wanted = gate_.gate_px > kWideGate_px ? kWidePoints : kNarrowPoints;
     const int stride = local ? 1 : std::max(1, (frame_.pointCount() + wanted - 1) / wanted);
     for (std::size_t v = 0; v < frame_.viewCount(); ++v) {
       const DeformedView view = viewOf(v);
       fit_.projected_.project(view.points, fit_.model_.edges, view.camera, view.T_view_centered);
       thinned(frame_.points(v), stride, fit_.chosen_[v]);
-      matchLines(fit_.chosen_[v], fit_.projected_, gate_px_, kMinCos2, fit_.matches_[v]);
+      matchLines(fit_.chosen_[v], fit_.projected_, gate_.gate_px, kMinCos2, fit_.matches_[v]);
     }
     return stride;
   }
@@ -224,11 +219,11 @@ class DeformationFit::Run {
     const int rounds = one_view ? kPosteriorRounds : kViewsRounds;
     for (int round = 0; round < rounds; ++round) {
       const bool last = round + 1 == rounds;
-      if (last && !one_view) gate_px_ = kLastViewsGate_px;
+      if (last && !one_view) gate_.gate_px = kLastViewsGate_px;
       if (!pullLines(kLocalMisfit, true)) return;
       const std::vector<MatchedView> views = matchedViews();
       const auto groups =
-          residualGroups(views, fit_.model_, displaced_, tolerance_px_, one_view ? kOneViewGroups : kViewsGroups);
+          residualGroups(views, fit_.model_, displaced_, gate_.tolerance_px, one_view ? kOneViewGroups : kViewsGroups);
       if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
       const auto posterior = std::make_shared<DeformationPosterior>(
           groups, belief_, T_, 1e-3 * fit_.settings_.length_mm, one_view ? kOneViewShape : kViewsShape);
@@ -236,36 +231,12 @@ class DeformationFit::Run {
       result_.posterior = posterior;
       result_.pose_covariance = posterior->twistCovariance();
       if (last && one_view) {
-        result_.groups = residualGroups(views, fit_.model_, displaced_, tolerance_px_, kCoarseGroups);
+        result_.groups = residualGroups(views, fit_.model_, displaced_, gate_.tolerance_px, kCoarseGroups);
         result_.T_groups_camera_centered = T_;
       }
       T_ = T_ * expSE3(posterior->twist());
       displaced_ = fit_.model_.points + fit_.nodes_.atPoints(posterior->displacements(fit_.nodes_.points));
-      tighten();
-    }
-  }
-
-  // Of one view: each place moves across its beam to where the process and the finer groups of several views have it,
-  // the pose being known. It keeps its depth, of which they would claim too much.
-  void refineAcross() {
-    PosePriorTerm pinned;
-    pinned.T0_camera_centered = T_;
-    pinned.information.diagonal() << Eigen::Vector3d::Constant(1 / (kPinned_m * kPinned_m)),
-        Eigen::Vector3d::Constant(1 / (kPinned_rad * kPinned_rad));
-    for (int round = 0; round < kAcrossRounds; ++round) {
-      if (!pullLines(kLocalMisfit, true)) return;
-      const auto groups = residualGroups(matchedViews(), fit_.model_, displaced_, tolerance_px_, kViewsGroups);
-      if (groups.size() < static_cast<std::size_t>(kMinGroups)) return;
-      const DeformationPosterior fine(groups, pinned, T_, 1e-3 * fit_.settings_.length_mm, kViewsShape);
-      if (!fine.known()) return;
-      const Eigen::Matrix3Xd displacements = fine.displacements(fit_.nodes_.points);
-      Eigen::Matrix3Xd places = T_ * expSE3(fine.twist()) * (fit_.model_.points + fit_.nodes_.atPoints(displacements));
-      if (!(places.row(2).minCoeff() > 0)) return;
-      const Eigen::Matrix3Xd before = T_ * displaced_;
-      places.array().rowwise() *= (before.row(2).array() / places.row(2).array()).eval();
-      displaced_ = T_.inverse() * places;
-      tighten();
-      if ((places - before).squaredNorm() < kAcrossRest_m * kAcrossRest_m * static_cast<double>(places.cols())) return;
+      gate_.tighten();
     }
   }
 
@@ -276,8 +247,7 @@ class DeformationFit::Run {
   Field w_, e_;  // Weights of the modes, and corrections of the nodes [m].
   Eigen::Matrix3Xd displaced_;
   DeformationEquations<D> data_;
-  double gate_px_ = kFirstGate_px, tolerance_px_ = kFirstGate_px / 2, noise_px_ = kFirstGate_px / 4;
-  double min_gate_px_ = kMinGate_px;
+  LineGate gate_ = lineGate(kFirstGate_px);
   bool alone_ = false;
   Result result_;
 };
