@@ -25,14 +25,17 @@ PosePriorTerm pinnedAt(const Pose& T_camera_centered) {
 }  // namespace
 
 Eigen::Matrix3Xd refinedAcrossBeam(const OrientedModel& model, const DeformationNodes& nodes, double length_m,
-                                   const XrayCamera& camera, const OrientedPoints& image, const Pose& T_camera_centered,
+                                   const OrientedFrame& frame, const Pose& T_camera_centered,
                                    Eigen::Matrix3Xd displaced, LineGate gate) {
+  const XrayCamera& camera = frame.views().front().camera;
+  const OrientedPoints& image = frame.points(0);
   const PosePriorTerm pinned = pinnedAt(T_camera_centered);
   ProjectedEdges projected;
   LineMatches matches;
   DeformationEquations<2> data(nodes, T_camera_centered.linear().topRows<2>().transpose());
   for (int round = 0; round < kRounds; ++round) {
     projected.project(displaced, model.edges, camera, T_camera_centered);
+    if (frame.length_px() < kFewLines * projected.length_px()) break;
     matchLines(image, projected, gate.gate_px, kMinCos2, matches);
     data.clear();
     data.addLinePull({camera, T_camera_centered, displaced}, model, image, matches, gate.tolerance_px, 1);

@@ -41,10 +41,6 @@ constexpr Misfit kLinesAloneMisfit = {0.5, 4};  // One curve in a large tree: ev
 constexpr int kPosteriorRounds = 2, kViewsRounds = 3;
 constexpr double kLastViewsGate_px = 6;
 
-// When the image has less than this of the length of model in view, most vessels have no image and must not be pulled
-// to one.
-constexpr double kShareShown = 0.25;
-
 }  // namespace
 
 // One fit: the unknowns, and the steps that change them.
@@ -70,7 +66,7 @@ class DeformationFit::Run {
 
   Result operator()(Aim aim) {
     const bool full = fit_.settings_.detail == DeformationDetail::kFull;
-    const bool lines_alone = shareShown() < kShareShown;
+    const bool lines_alone = shareShown() < kFewLines;
     if (lines_alone) {
       gate_.gate_px = kLinesAloneGate_px;
       gate_.tolerance_px = gate_.gate_px / 2;
@@ -85,12 +81,10 @@ class DeformationFit::Run {
     if (aim == Aim::kResult) {
       conclude();
       // One view's process and groups leave depth to the belief, and are too coarse across the beam for large
-      // deformations. Of a few lines the smooth process says more of the vessels that have none.
-      const bool refines = frame_.viewCount() == 1 && !lines_alone;
-      if (refines && result_.posterior && result_.posterior->amplitude_m() > kWorthRefining_m) {
-        displaced_ =
-            refinedAcrossBeam(fit_.model_, fit_.nodes_, 1e-3 * fit_.settings_.length_mm, frame_.views().front().camera,
-                              frame_.points(0), frame_.views().front().T_view_first * T_, displaced_, gate_);
+      // deformations.
+      if (frame_.viewCount() == 1 && result_.posterior && result_.posterior->amplitude_m() > kWorthRefining_m) {
+        displaced_ = refinedAcrossBeam(fit_.model_, fit_.nodes_, 1e-3 * fit_.settings_.length_mm, frame_,
+                                       frame_.views().front().T_view_first * T_, displaced_, gate_);
       }
     }
     result_.T_camera_centered = T_;

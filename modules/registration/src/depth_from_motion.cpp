@@ -6,11 +6,16 @@
 #include <cmath>
 #include <utility>
 
+#include "across_beam.hpp"
 #include "angio/registration/alignment_score.hpp"
+#include "deformation_nodes.hpp"
 #include "deformation_posterior.hpp"
 #include "fit_classification.hpp"
 #include "fit_uncertainty.hpp"
 #include "frame_evidence.hpp"
+#include "line_gate.hpp"
+#include "oriented_frame.hpp"
+#include "oriented_model.hpp"
 #include "pose_prior_term.hpp"
 
 namespace angio::registration {
@@ -23,6 +28,11 @@ constexpr int kRounds = 2;
 const double kLength_m = 1e-3 * DeformationSettings().length_mm;
 // A residual so many standard deviations off was matched with another vessel.
 constexpr double kMismatch = 4;
+
+// From the places that all frames give the newest is matched again within this.
+constexpr double kRefinedGate_px = 12;
+// What explains no more than this share more is not moved: smooth trees without noise were further off by it.
+constexpr double kWorthMoving = 0.02;
 
 // The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The
 // way in and the way out of a breath differ: a third of the motion lags or leads.
@@ -236,6 +246,24 @@ double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector
   return sum > 0 ? std::sqrt(mean2_m2 / sum) : kUnexplained_m.back();
 }
 
+// The displacements of the tree's points where it is found again across the newest frame's beam: the others' groups are
+// coarse, and of other moments.
+Eigen::Matrix3Xd refined(const VesselTree& tree, const Eigen::Vector3d& centroid, const XrayView& view,
+                         const Pose& T_camera_centered, const DeformationPosterior& posterior) {
+  const OrientedKernelSettings settings;
+  OrientedModel model(tree, settings);
+  const Pose T = T_camera_centered * Eigen::Translation3d(model.centroid - centroid);
+  OrientedFrame frame;
+  const XrayViews views{view};
+  frame.begin(views, settings);
+  const DeformationNodes nodes(model, 1e-3 * DeformationSettings::node_mm);
+  const Eigen::Matrix3Xd about = model.points.colwise() + (model.centroid - centroid);
+  const Eigen::Matrix3Xd displaced = model.points + posterior.displacements(about);
+  const Eigen::Matrix3Xd found =
+      refinedAcrossBeam(model, nodes, kLength_m, frame, T, displaced, lineGate(kRefinedGate_px));
+  return model.resampled.ofOriginal(found - model.points);
+}
+
 }  // namespace
 
 std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& frames, const XrayView& view,
@@ -278,7 +306,18 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   seen.prior = belief.source;
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
-  seen.alignment = alignmentScore(tree, tree.points() + seen.displacements_m, {view}, seen.T_camera_model);
+  const auto alignmentOf = [&](const Eigen::Matrix3Xd& displacements_m) {
+    return alignmentScore(tree, tree.points() + displacements_m, {view}, seen.T_camera_model);
+  };
+  seen.alignment = alignmentOf(seen.displacements_m);
+  if (posterior->amplitude_m() > kWorthRefining_m) {
+    Eigen::Matrix3Xd displacements_m = refined(tree, evidence.centroid, view, T_camera_centered, *posterior);
+    const AlignmentScore alignment = alignmentOf(displacements_m);
+    if (alignment.score() > seen.alignment.score() + kWorthMoving) {
+      seen.displacements_m = std::move(displacements_m);
+      seen.alignment = alignment;
+    }
+  }
   const PosePriorTerm usual = beliefOf({prior.T_camera_model, {}}, OrientedKernelSettings{}, evidence.centroid);
   seen.low_score_suffices = isNearStart(usual, T_camera_centered);
   classify(tree, seen);

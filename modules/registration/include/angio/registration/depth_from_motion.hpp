@@ -36,7 +36,8 @@ struct DepthFromMotion {
 /// the shift of the frames along the axis of the turn, in which depth has no part: across it, and at each place of the
 /// tree, the patient may move by anything smooth that goes with it, or with it up to 0.4 s sooner or later. How far
 /// frames are off for themselves is found from the residuals. Linear about what the frames' own fits have matched,
-/// twice.
+/// twice. A tree that is deformed by millimetres is then found again across the newest frame's beam, where that
+/// explains more of it.
 ///
 /// @param frames  By time, the newest last; those without evidence are left out.
 /// @param newest  What the newest frame shows.
