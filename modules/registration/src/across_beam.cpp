@@ -11,8 +11,8 @@ namespace angio::registration {
 namespace {
 
 // The pose is known so well. A round that moves the tree by less (rms) is the last.
-constexpr double kPinned_m = 0.1e-3, kPinned_rad = 1e-3, kRest_m = 0.3e-3;
-constexpr int kRounds = 2;
+constexpr double kPinned_m = 0.1e-3, kPinned_rad = 1e-3, kRefined_m = 0.3e-3;
+constexpr int kRefinements = 2;
 
 PosePriorTerm pinnedAt(const Pose& T_camera_centered) {
   PosePriorTerm pinned;
@@ -33,7 +33,7 @@ Eigen::Matrix3Xd refinedAcrossBeam(const OrientedModel& model, const Deformation
   ProjectedEdges projected;
   LineMatches matches;
   DeformationEquations<2> data(nodes, T_camera_centered.linear().topRows<2>().transpose());
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kRefinements; ++round) {
     projected.project(displaced, model.edges, camera, T_camera_centered);
     if (frame.length_px() < kFewLines * projected.length_px()) break;
     matchLines(image, projected, gate.gate_px, kMinCos2, matches);
@@ -53,7 +53,7 @@ Eigen::Matrix3Xd refinedAcrossBeam(const OrientedModel& model, const Deformation
     places.array().rowwise() *= (before.row(2).array() / places.row(2).array()).eval();
     displaced = T_camera_centered.inverse() * places;
     gate.tighten();
-    if ((places - before).squaredNorm() < kRest_m * kRest_m * static_cast<double>(places.cols())) break;
+    if ((places - before).squaredNorm() < kRefined_m * kRefined_m * static_cast<double>(places.cols())) break;
   }
   return displaced;
 }

@@ -31,7 +31,7 @@ constexpr double kMismatch = 4;
 
 // From the places that all frames give the newest is matched again within this.
 constexpr double kRefinedGate_px = 12;
-// What explains no more than this share more is not moved: smooth trees without noise were further off by it.
+// What explains no more than this share more is not moved: small trees that deform smoothly were further off by it.
 constexpr double kWorthMoving = 0.02;
 
 // The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The

@@ -6,9 +6,9 @@
 namespace angio::registration {
 namespace {
 
-constexpr double kMaxAcross_m = 3e-3, kMaxDepthStds = 3, kMaxOfRelief = 1;
+constexpr double kApartAcross_m = 3e-3, kApartStds = 3, kApartOfRelief = 1;
 
-double rms(const Eigen::ArrayXd& values) { return std::sqrt(values.square().mean()); }
+double rootMeanSquare(const Eigen::ArrayXd& values) { return std::sqrt(values.square().mean()); }
 
 }  // namespace
 
@@ -20,9 +20,9 @@ bool isSamePlace(const Eigen::Matrix3Xd& here, const Eigen::Matrix3Xd& there, bo
   const Eigen::ArrayXd across_m =
       (apart.colwise().squaredNorm().transpose().array() - along_m.square()).max(0.0).sqrt();
   // Written so that what is not finite is no same place.
-  if (!(rms(across_m) <= kMaxAcross_m)) return false;
-  if (!single_view) return rms(along_m) <= kMaxDepthStds * depth_std_m;
-  return rms(along_m - along_m.mean()) <= kMaxOfRelief * rms(depth_m - depth_m.mean());
+  if (!(rootMeanSquare(across_m) <= kApartAcross_m)) return false;
+  if (!single_view) return rootMeanSquare(along_m) <= kApartStds * depth_std_m;
+  return rootMeanSquare(along_m - along_m.mean()) <= kApartOfRelief * rootMeanSquare(depth_m - depth_m.mean());
 }
 
 }  // namespace angio::registration
