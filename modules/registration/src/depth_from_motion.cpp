@@ -31,8 +31,6 @@ constexpr double kMismatch = 4;
 
 // From the places that all frames give the newest is matched again within this.
 constexpr double kRefinedGate_px = 12;
-// What explains no more than this share more is not moved: small trees that deform smoothly were further off by it.
-constexpr double kWorthMoving = 0.02;
 
 // The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The
 // way in and the way out of a breath differ: a third of the motion lags or leads.
@@ -313,7 +311,8 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   if (posterior->amplitude_m() > kWorthRefining_m) {
     Eigen::Matrix3Xd displacements_m = refined(tree, evidence.centroid, view, T_camera_centered, *posterior);
     const AlignmentScore alignment = alignmentOf(displacements_m);
-    if (alignment.score() > seen.alignment.score() + kWorthMoving) {
+    // What explains no more stays: small trees that deform smoothly were further off by it.
+    if (alignment.score() > seen.alignment.score() + kSameScore) {
       seen.displacements_m = std::move(displacements_m);
       seen.alignment = alignment;
     }

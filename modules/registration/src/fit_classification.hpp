@@ -21,6 +21,9 @@ Matrix6d covarianceOfResult(const Matrix6d& about_centroid, const Pose& T_camera
 /// A solver that still moves the picture by more than this has run out of iterations, not come to rest [px].
 constexpr double kAtRest_px = 0.5;
 
+/// Displacements that raise the alignment score by no more than this explain no more.
+constexpr double kSameScore = 0.02;
+
 /// Poses whose points lie further apart than this on average are different answers; nearer ones are one basin.
 constexpr double kDifferentPose_m = 3e-3;
 

@@ -36,8 +36,8 @@ constexpr double kSmallGate_px = 12, kSmallTracked_px = 24;
 constexpr int kShiftHypotheses = 48;
 constexpr std::size_t kShiftPlaces = 32;
 
-// A deformation that explains no more than this share more, and brings the image no nearer than this, is none.
-constexpr double kSameScore = 0.02, kSameResidual_px = 0.05;
+// A deformation that explains no more, and brings the image no nearer than this, is none.
+constexpr double kSameResidual_px = 0.05;
 // An alternative with less than this share of the rigid score is none, also when it may be deformed.
 constexpr double kWorthDeforming = 0.5;
 // So many alternatives are deformed.
