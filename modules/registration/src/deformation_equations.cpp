@@ -47,17 +47,19 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
   const Eigen::Matrix3d R = view.T_view_centered.linear();
   const Eigen::Vector3d t = view.T_view_centered.translation();
   const double inverse_scale2 = 1 / (static_cast<double>(field.scale_px()) * field.scale_px());
+  const double reach_px = KernelField::kReach * static_cast<double>(field.scale_px());
   for (int i = (stride - 1) / 2; i < model.size(); i += stride) {
     const auto& place = nodes.place_of_point[i];
     if (place.edge < 0) continue;
     const Eigen::Vector3d p = view.points.col(i), p_view = R * p + t;
     Eigen::Matrix<double, 2, 3> J_view;
     const auto pixel = view.camera.project(p_view, &J_view);
-    if (!pixel || !std::all_of(in_view.begin(), in_view.end(), [&](const HalfPlane& side) {
-          return side.n_u * pixel->x() + side.n_v * pixel->y() + side.d >= 0;
-        })) {
-      continue;
+    if (!pixel) continue;
+    double to_border = reach_px;
+    for (const HalfPlane& side : in_view) {
+      to_border = std::min(to_border, side.n_u * pixel->x() + side.n_v * pixel->y() + side.d);
     }
+    if (!(to_border > 0)) continue;
     const Eigen::Matrix<double, 2, 3> J = J_view * R;
     // Direction of the projected tangent, and how much of its length is left: a vessel seen end-on has none.
     const Eigen::Vector2d tangent = J * Eigen::Vector3d(model.all.tx[i], model.all.ty[i], model.all.tz[i]) *
@@ -67,7 +69,7 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
     const double sin2 = 2 * tangent.x() * tangent.y() / length2 * length;
     const KernelField::Value value = field.at(*pixel, cos2, sin2);
     const double F = std::max(0.0, value.F);
-    const double w = view_weight * model.all.weight[i] * length;
+    const double w = view_weight * to_border / reach_px * model.all.weight[i] * length;
     const double stiffness = w * F / (F + pull_weight.outlier_mass) * inverse_scale2;
     if (!(stiffness > 1e-9 * inverse_scale2)) continue;
     const Eigen::Vector2d gradient = w / (F + pull_weight.outlier_mass) * value.gradient;

@@ -55,7 +55,8 @@ struct DeformationEquations {
 
   /// Adds model to image: every `stride`-th model point in view is pulled up the field, as an expectation-maximisation
   /// step would; a point in the field of one vessel is certain to 1 / scale^2 across its own direction, and to `along`
-  /// of that along it.
+  /// of that along it. Near the border of the view the field lacks the vessels beyond it, and pulls inwards: there a
+  /// point counts by its distance to the border over the reach of a kernel.
   void addFieldPull(const DeformedView& view, const OrientedModel& model, const KernelField& field,
                     const std::vector<HalfPlane>& in_view, const PullWeight& pull_weight, int stride,
                     double view_weight);

@@ -167,7 +167,7 @@ void fieldOfView(const XrayView& view, std::vector<HalfPlane>& planes) {
   }
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const Eigen::Vector2d a = corners[i], edge = corners[(i + 1) % corners.size()] - a;
-    const Eigen::Vector2d inwards = (area >= 0 ? 1 : -1) * Eigen::Vector2d(-edge.y(), edge.x());
+    const Eigen::Vector2d inwards = (area >= 0 ? 1 : -1) * Eigen::Vector2d(-edge.y(), edge.x()).normalized();
     planes.push_back(
         {static_cast<float>(inwards.x()), static_cast<float>(inwards.y()), static_cast<float>(-inwards.dot(a))});
   }

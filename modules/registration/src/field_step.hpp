@@ -28,7 +28,7 @@ struct ModelPoints {
   }
 };
 
-/// Part of the plane in which a view sees: u n_u + v n_v + d >= 0.
+/// Part of the plane in which a view sees: u n_u + v n_v + d >= 0, which is the distance to its border [px].
 struct HalfPlane {
   float n_u = 0, n_v = 0, d = 0;
 };

@@ -44,10 +44,9 @@ HWY_EXPORT(addStamp);
 namespace {
 
 constexpr int kCellsPerScale = 2;
-constexpr int kReach = 3;   // Scales after which a kernel ends: it has fallen to 1 %.
 constexpr int kMargin = 1;  // Cells around the detector, for the bilinear neighbours.
 
-constexpr int kReachCells = static_cast<int>(kReach * kCellsPerScale), kWidest = 2 * kReachCells + 1;
+constexpr int kReachCells = KernelField::kReach * kCellsPerScale, kWidest = 2 * kReachCells + 1;
 
 // The kernel across a stamp, for where in its middle cell a point lies: in steps of a 64th of a cell, which shifts a
 // kernel by a 256th of its scale at most.

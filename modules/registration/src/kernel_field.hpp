@@ -48,6 +48,9 @@ class KernelField {
   };
   void build(const OrientedPoints& points, double scale_px, const Region& region);
 
+  /// Scales after which a kernel ends: it has fallen to 1 %.
+  static constexpr int kReach = 3;
+
   /// Four floats a cell: G0, Gc, Gs and nothing, row by row.
   const float* cells() const { return cells_.data(); }
   int columns() const { return columns_; }
