@@ -145,5 +145,26 @@ TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
   EXPECT_NE(result.reason.find("70 % of the image"), std::string::npos) << result.reason;
 }
 
+TEST(FitClassification, AShiftOfTheWholeIsNoDeformationOfATreeInMotion) {
+  const VesselTree tree = test::branchingTree(3);
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.covariance = diagonal(0.2e-3, 1e-9);
+  result.alignment.model_points = 100;
+  result.alignment.model_explained = 0.9;
+  result.alignment.image_explained = 0.7;
+  const auto classified = [&](double shift_m, double stretch_m) {
+    result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), shift_m);
+    for (int i = 0; i < tree.size(); ++i) result.displacements_m(0, i) += i % 2 == 0 ? stretch_m : -stretch_m;
+    classifyInMotion(tree, result);
+    return result.status;
+  };
+  EXPECT_EQ(classified(15e-3, 5e-3), RegistrationStatus::kConverged);
+  classify(tree, result);
+  EXPECT_EQ(result.status, RegistrationStatus::kAmbiguous) << "by a classification that knows of no motion";
+  EXPECT_EQ(classified(0, 12e-3), RegistrationStatus::kAmbiguous);
+  EXPECT_NE(result.reason.find("12 mm"), std::string::npos) << result.reason;
+}
+
 }  // namespace
 }  // namespace angio::test

@@ -319,7 +319,7 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   }
   const PosePriorTerm usual = beliefOf({prior.T_camera_model, {}}, OrientedKernelSettings{}, evidence.centroid);
   seen.low_score_suffices = isNearStart(usual, T_camera_centered);
-  classify(tree, seen);
+  classifyInMotion(tree, seen);
   result.turn_rad = chosen.turn_rad;
   result.axis = chosen.axis;
   result.frames = static_cast<int>(chosen.frames.size());

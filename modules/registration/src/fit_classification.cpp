@@ -100,14 +100,13 @@ std::optional<std::string> leftOpen(const Threshold& threshold, const VesselTree
 }
 
 // Why a large deformation is not believed, where there is one.
-std::optional<std::string> deformedTooFar(const RegistrationResult& result) {
-  const double deformation_m = rms(result.displacements_m);
+std::optional<std::string> deformedTooFar(const RegistrationResult& result, double deformation_m) {
   if (deformation_m <= kLargeDeformation_m || result.alignment.image_explained >= kLargeImageShare) return std::nullopt;
   return "the tree had to be deformed by " + millimetres(deformation_m) + ", and the model explains " +
          percent(result.alignment.image_explained) + " of the image, less than " + percent(kLargeImageShare);
 }
 
-void classifyBy(const Threshold& threshold, const VesselTree& tree, RegistrationResult& result) {
+void classifyBy(const Threshold& threshold, const VesselTree& tree, double deformation_m, RegistrationResult& result) {
   const AlignmentScore& a = result.alignment;
   const double most = std::max(a.model_explained, a.image_explained);
   result.status = RegistrationStatus::kAmbiguous;
@@ -120,7 +119,7 @@ void classifyBy(const Threshold& threshold, const VesselTree& tree, Registration
     if (most < kDivergedShare) result.status = RegistrationStatus::kDiverged;
   } else if (result.last_step_px > kAtRest_px) {
     result.reason = "the solver had not come to rest";
-  } else if (const auto why = deformedTooFar(result)) {
+  } else if (const auto why = deformedTooFar(result, deformation_m)) {
     result.reason = *why;
   } else if (const auto open = leftOpen(threshold, tree, result)) {
     result.reason = *open;
@@ -154,7 +153,7 @@ bool explained(const RegistrationResult& result) {
   const Threshold& usual = usualOf(result);
   return result.T_camera_model.matrix().allFinite() && result.covariance &&
          result.alignment.model_points >= kMinPoints && reaches(result.alignment, usual.share, usual.score) &&
-         result.last_step_px <= kAtRest_px && !deformedTooFar(result);
+         result.last_step_px <= kAtRest_px && !deformedTooFar(result, rms(result.displacements_m));
 }
 
 double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const VesselTree& tree) {
@@ -167,14 +166,23 @@ double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const Ve
   return std::sqrt(std::max(0.0, variance_m2));
 }
 
-void classify(const VesselTree& tree, RegistrationResult& result) { classifyBy(usualOf(result), tree, result); }
+void classify(const VesselTree& tree, RegistrationResult& result) {
+  classifyBy(usualOf(result), tree, rms(result.displacements_m), result);
+}
+
+void classifyInMotion(const VesselTree& tree, RegistrationResult& result) {
+  Eigen::Matrix3Xd deformation_m = result.displacements_m;
+  if (deformation_m.cols() > 0) deformation_m.colwise() -= Eigen::Vector3d(deformation_m.rowwise().mean());
+  classifyBy(usualOf(result), tree, rms(deformation_m), result);
+}
 
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result) {
   const Threshold& usual = usualOf(result);
   const bool reached = reaches(result.alignment, usual.share, usual.score);
   // A deformed tree follows any line near by: that nothing else fits does not speak for it.
-  const bool deformed = rms(result.displacements_m) > 0;
-  classifyBy(alternative_share <= kAloneShare && !reached && !deformed ? kAlone : usual, tree, result);
+  const double deformation_m = rms(result.displacements_m);
+  const bool alone = alternative_share <= kAloneShare && !reached && !(deformation_m > 0);
+  classifyBy(alone ? kAlone : usual, tree, deformation_m, result);
   compareWithAlternative(alternative_share, result);
 }
 

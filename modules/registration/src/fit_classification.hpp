@@ -42,9 +42,12 @@ double spread_m(const Matrix6d& covariance, const Pose& T_camera_model, const Ve
 /// ambiguous.
 void classify(const VesselTree& tree, RegistrationResult& result);
 
-/// The same when it is known how well the best different pose does (score over this pose's, 0 to 1): one that fits
-/// nearly as well makes a fit ambiguous; and a fit without an alternative is believed when less of the image, or of the
-/// model, is explained, as when contrast fills half of the tree, if the image holds it three times as well.
+/// The same where the patient has moved since the pose was held: a shift of the whole is no deformation then.
+void classifyInMotion(const VesselTree& tree, RegistrationResult& result);
+
+/// The same as classify() when it is known how well the best different pose does (score over this pose's, 0 to 1): one
+/// that fits nearly as well makes a fit ambiguous; and a fit without an alternative is believed when less of the image,
+/// or of the model, is explained, as when contrast fills half of the tree, if the image holds it three times as well.
 void classifyAgainst(double alternative_share, const VesselTree& tree, RegistrationResult& result);
 
 /// Sets the ambiguity to how well the best different pose does; one that fits nearly as well makes a fit ambiguous.
