@@ -168,6 +168,9 @@ worlds() {
       echo; echo "the same, nonrigid"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid
       [ "$one" = 1 ] || { echo; echo "the same, two views"; "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --views 2; }
+      echo; echo "the same, one view, half of the tree in it"
+      "${simulate[@]}" --trials "$((trials / 2))" --spurious 5 --method oriented_kernel "${fields[@]}" --deformation-mm "$one" \
+        --nonrigid --visible-fraction 0.5
       echo; echo "the same, the ends of a turn of the C-arm by 6 deg, the patient at rest"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --views 2 --turn-deg 6
     done

@@ -80,11 +80,14 @@ class DeformationFit::Run {
     if (full) followLines(lines_alone ? kLinesAloneLocalRounds : kLocalRounds, kLocalMisfit, true);
     if (aim == Aim::kResult) {
       conclude();
-      // One view's process and groups leave depth to the belief, and are too coarse across the beam for large
-      // deformations.
-      if (frame_.viewCount() == 1 && result_.posterior && result_.posterior->amplitude_m() > kWorthRefining_m) {
-        displaced_ = refinedAcrossBeam(fit_.model_, fit_.nodes_, 1e-3 * fit_.settings_.length_mm, frame_,
-                                       frame_.views().front().T_view_first * T_, displaced_, gate_);
+      if (frame_.viewCount() == 1 && result_.posterior) {
+        // One view's process and groups leave depth to the belief, and are too coarse across the beam for large
+        // deformations.
+        if (result_.posterior->amplitude_m() > kWorthRefining_m) {
+          displaced_ = refinedAcrossBeam(fit_.model_, fit_.nodes_, 1e-3 * fit_.settings_.length_mm, frame_,
+                                         frame_.views().front().T_view_first * T_, displaced_, gate_);
+        }
+        showFrame();
       }
     }
     result_.T_camera_centered = T_;
@@ -207,6 +210,13 @@ class DeformationFit::Run {
     return views;
   }
 
+  // What this frame says among others.
+  void showFrame() {
+    if (!pullLines(kLocalMisfit, true)) return;
+    result_.groups = residualGroups(matchedViews(), fit_.model_, displaced_, gate_.tolerance_px, kFrameGroups);
+    result_.T_groups_camera_centered = T_;
+  }
+
   // Pose and displacements become their posterior means given the matches, which are made again where those are.
   void conclude() {
     const bool one_view = frame_.viewCount() == 1;
@@ -224,10 +234,6 @@ class DeformationFit::Run {
       if (!posterior->known()) return;
       result_.posterior = posterior;
       result_.pose_covariance = posterior->twistCovariance();
-      if (last && one_view) {
-        result_.groups = residualGroups(views, fit_.model_, displaced_, gate_.tolerance_px, kCoarseGroups);
-        result_.T_groups_camera_centered = T_;
-      }
       T_ = T_ * expSE3(posterior->twist());
       displaced_ = fit_.model_.points + fit_.nodes_.atPoints(posterior->displacements(fit_.nodes_.points));
       gate_.tighten();

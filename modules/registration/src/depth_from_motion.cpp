@@ -8,29 +8,23 @@
 
 #include "across_beam.hpp"
 #include "angio/registration/alignment_score.hpp"
-#include "deformation_nodes.hpp"
 #include "deformation_posterior.hpp"
 #include "fit_classification.hpp"
 #include "fit_uncertainty.hpp"
 #include "frame_evidence.hpp"
-#include "line_gate.hpp"
-#include "oriented_frame.hpp"
-#include "oriented_model.hpp"
+#include "newest_frame.hpp"
 #include "pose_prior_term.hpp"
 
 namespace angio::registration {
 namespace {
 
-// Observations that take part: the system is of their number.
-constexpr std::size_t kMaxGroups = 1200;
+// Observations that take part: the system is of their number. In rounds before the last fewer are enough.
+constexpr std::size_t kMaxGroups = 2400, kRoughGroups = 600;
 constexpr int kRounds = 2;
 // Over which a deformation goes together, as for a single image.
 const double kLength_m = 1e-3 * DeformationSettings().length_mm;
 // A residual so many standard deviations off was matched with another vessel.
 constexpr double kMismatch = 4;
-
-// From the places that all frames give the newest is matched again within this.
-constexpr double kRefinedGate_px = 12;
 
 // The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The
 // way in and the way out of a breath differ: a third of the motion lags or leads.
@@ -152,10 +146,11 @@ class Window {
 
   std::size_t size() const { return observations_.size(); }
 
-  // Linear about the pose and the displacements as they are.
-  std::vector<ResidualGroup> groups() const {
+  // Of every `stride`-th, linear about the pose and the displacements as they are.
+  std::vector<ResidualGroup> groups(std::size_t stride) const {
     std::vector<ResidualGroup> result;
-    for (const Observation& o : observations_) {
+    for (std::size_t i = 0; i < observations_.size(); i += stride) {
+      const Observation& o = observations_[i];
       const Pose T = o.T_camera_patient * T_patient_centered_;
       ResidualGroup group = *o.group;
       const Eigen::Vector3d displaced = group.at + o.displacement;
@@ -171,9 +166,9 @@ class Window {
     return result;
   }
 
-  std::vector<Eigen::Index> moments() const {
+  std::vector<Eigen::Index> moments(std::size_t stride) const {
     std::vector<Eigen::Index> result;
-    for (const Observation& o : observations_) result.push_back(o.moment);
+    for (std::size_t i = 0; i < observations_.size(); i += stride) result.push_back(observations_[i].moment);
     return result;
   }
 
@@ -192,10 +187,11 @@ class Window {
     T_patient_centered_.linear() = nearestRotation(T_patient_centered_.linear());
   }
 
-  void drop(const Eigen::VectorXd& normalized) {
+  // Of every `stride`-th, by what is left of it.
+  void drop(const Eigen::VectorXd& normalized, std::size_t stride) {
     std::vector<Observation> kept;
     for (std::size_t i = 0; i < observations_.size(); ++i) {
-      if (std::abs(normalized[i]) <= kMismatch) kept.push_back(observations_[i]);
+      if (i % stride != 0 || std::abs(normalized[i / stride]) <= kMismatch) kept.push_back(observations_[i]);
     }
     observations_ = std::move(kept);
   }
@@ -244,24 +240,6 @@ double unexplainedBy(const std::vector<ResidualGroup>& groups, const std::vector
   return sum > 0 ? std::sqrt(mean2_m2 / sum) : kUnexplained_m.back();
 }
 
-// The displacements of the tree's points where it is found again across the newest frame's beam: the others' groups are
-// coarse, and of other moments.
-Eigen::Matrix3Xd refined(const VesselTree& tree, const Eigen::Vector3d& centroid, const XrayView& view,
-                         const Pose& T_camera_centered, const DeformationPosterior& posterior) {
-  const OrientedKernelSettings settings;
-  OrientedModel model(tree, settings);
-  const Pose T = T_camera_centered * Eigen::Translation3d(model.centroid - centroid);
-  OrientedFrame frame;
-  const XrayViews views{view};
-  frame.begin(views, settings);
-  const DeformationNodes nodes(model, 1e-3 * DeformationSettings::node_mm);
-  const Eigen::Matrix3Xd about = model.points.colwise() + (model.centroid - centroid);
-  const Eigen::Matrix3Xd displaced = model.points + posterior.displacements(about);
-  const Eigen::Matrix3Xd found =
-      refinedAcrossBeam(model, nodes, kLength_m, frame, T, displaced, lineGate(kRefinedGate_px));
-  return model.resampled.ofOriginal(found - model.points);
-}
-
 }  // namespace
 
 std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& frames, const XrayView& view,
@@ -285,38 +263,43 @@ std::optional<DepthFromMotion> depthFromMotion(const std::vector<MovingFrame>& f
   double unexplained_m = 0;
   for (int round = 0; round < kRounds; ++round) {
     if (window.size() < static_cast<std::size_t>(kMinGroups)) return std::nullopt;
-    const auto groups = window.groups();
-    if (round == 0) unexplained_m = unexplainedBy(groups, window.moments(), signal, sizes, kLength_m);
+    const std::size_t stride = round + 1 < kRounds ? window.size() / kRoughGroups + 1 : 1;
+    const auto groups = window.groups(stride);
+    if (round == 0) unexplained_m = unexplainedBy(groups, window.moments(stride), signal, sizes, kLength_m);
     posterior = std::make_shared<DeformationPosterior>(
-        groups, momentsOf(signal, window.moments(), unexplained_m, sizes.deformation_m), sizes, belief,
+        groups, momentsOf(signal, window.moments(stride), unexplained_m, sizes.deformation_m), sizes, belief,
         window.T_patient_centered(), kLength_m, kOneViewShape);
     if (!posterior->known()) return std::nullopt;
     window.take(*posterior);
-    if (round + 1 < kRounds) window.drop(posterior->normalizedLeftover());
+    if (round + 1 < kRounds) window.drop(posterior->normalizedLeftover(), stride);
   }
   const Pose T_camera_centered = newest.T_camera_patient * window.T_patient_centered();
   DepthFromMotion result;
   RegistrationResult& seen = result.registration;
   seen.T_camera_model = T_camera_centered * Eigen::Translation3d(-evidence.centroid);
-  const Eigen::Matrix3Xd centered = tree.points().colwise() - evidence.centroid;
-  seen.displacements_m = posterior->displacements(centered);
-  setUncertainty(posterior, centered, T_camera_centered, evidence.centroid, seen);
   seen.prior = belief.source;
   seen.points_3d = tree.size();
   seen.points_2d = view.centerline.size();
+  const Eigen::Matrix3Xd centered = tree.points().colwise() - evidence.centroid;
   const auto alignmentOf = [&](const Eigen::Matrix3Xd& displacements_m) {
     return alignmentScore(tree, tree.points() + displacements_m, {view}, seen.T_camera_model);
   };
+  seen.displacements_m = posterior->displacements(centered);
   seen.alignment = alignmentOf(seen.displacements_m);
+  NewestFrame frame(tree, view, T_camera_centered, evidence.centroid);
+  Eigen::Matrix3Xd displaced = frame.displaced(*posterior);
   if (posterior->amplitude_m() > kWorthRefining_m) {
-    Eigen::Matrix3Xd displacements_m = refined(tree, evidence.centroid, view, T_camera_centered, *posterior);
+    const Eigen::Matrix3Xd refined = frame.refined(displaced, kLength_m);
+    Eigen::Matrix3Xd displacements_m = frame.ofTree(refined);
     const AlignmentScore alignment = alignmentOf(displacements_m);
     // What explains no more stays: small trees that deform smoothly were further off by it.
     if (alignment.score() > seen.alignment.score() + kSameScore) {
+      displaced = refined;
       seen.displacements_m = std::move(displacements_m);
       seen.alignment = alignment;
     }
   }
+  setUncertainty(posterior, centered, T_camera_centered, evidence.centroid, seen, {1, frame.misfit(displaced), 1});
   const PosePriorTerm usual = beliefOf({prior.T_camera_model, {}}, OrientedKernelSettings{}, evidence.centroid);
   seen.low_score_suffices = isNearStart(usual, T_camera_centered);
   classifyInMotion(tree, seen);

@@ -46,8 +46,10 @@ struct Grouping {
   /// one view the former draws depth from the belief, to which it should be left.
   bool of_mean_place;
 };
-/// As few as say what a rigid fit is off by, and what a frame among others shows.
+/// As few as say what a rigid fit is off by.
 inline constexpr Grouping kCoarseGroups{64, 15e-3, 0.5, 8, false};
+/// What a frame among others shows that are taken from elsewhere.
+inline constexpr Grouping kFrameGroups{64, 10e-3, 0.8, 8, true};
 /// For a deformation that follows them in one view ...
 inline constexpr Grouping kOneViewGroups{400, 15e-3, 0.5, 8, false};
 /// ... and in several, or across the beam of a view whose pose is held. Displacements and gradients change along a

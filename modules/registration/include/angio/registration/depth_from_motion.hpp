@@ -37,7 +37,8 @@ struct DepthFromMotion {
 /// tree, the patient may move by anything smooth that goes with it, or with it up to 0.4 s sooner or later. How far
 /// frames are off for themselves is found from the residuals. Linear about what the frames' own fits have matched,
 /// twice. A tree that is deformed by millimetres is then found again across the newest frame's beam, where that
-/// explains more of it.
+/// explains more of it. A place that lies beside its image there is claimed less. The displacements hold the patient's
+/// shift, which is no deformation to the status.
 ///
 /// @param frames  By time, the newest last; those without evidence are left out.
 /// @param newest  What the newest frame shows.
