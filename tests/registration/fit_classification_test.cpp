@@ -25,6 +25,16 @@ Matrix6d diagonal(double translation_std_m, double rotation_std_rad) {
   return variances.asDiagonal();
 }
 
+// Of a pose that the image holds, and a model that it explains.
+RegistrationResult wellKnown(const VesselTree& tree) {
+  RegistrationResult result;
+  result.T_camera_model = viewed(tree);
+  result.covariance = diagonal(0.2e-3, 1e-9);
+  result.alignment.model_points = 100;
+  result.alignment.model_explained = 0.9;
+  return result;
+}
+
 // Poses drawn from the covariance move the points by as much. The mean of 20,000 squares of some six degrees of freedom
 // scatters by less than 1 %.
 TEST(FitClassification, SpreadIsHowFarDrawnPosesMoveTheTree) {
@@ -126,11 +136,7 @@ TEST(FitClassification, ALowScoreSufficesOnlyWhereTheResultSaysSo) {
 
 TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
   const VesselTree tree = test::branchingTree(3);
-  RegistrationResult result;
-  result.T_camera_model = viewed(tree);
-  result.covariance = diagonal(0.2e-3, 1e-9);
-  result.alignment.model_points = 100;
-  result.alignment.model_explained = 0.9;
+  RegistrationResult result = wellKnown(tree);
   const auto classified = [&](double deformation_m, double image_explained) {
     result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), deformation_m / std::sqrt(3.));
     result.alignment.image_explained = image_explained;
@@ -147,11 +153,7 @@ TEST(FitClassification, ALargeDeformationHasToExplainTheImage) {
 
 TEST(FitClassification, AShiftOfTheWholeIsNoDeformationOfATreeInMotion) {
   const VesselTree tree = test::branchingTree(3);
-  RegistrationResult result;
-  result.T_camera_model = viewed(tree);
-  result.covariance = diagonal(0.2e-3, 1e-9);
-  result.alignment.model_points = 100;
-  result.alignment.model_explained = 0.9;
+  RegistrationResult result = wellKnown(tree);
   result.alignment.image_explained = 0.7;
   const auto classified = [&](double shift_m, double stretch_m) {
     result.displacements_m = Eigen::Matrix3Xd::Constant(3, tree.size(), shift_m);

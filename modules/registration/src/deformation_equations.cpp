@@ -55,11 +55,11 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
     Eigen::Matrix<double, 2, 3> J_view;
     const auto pixel = view.camera.project(p_view, &J_view);
     if (!pixel) continue;
-    double to_border = reach_px;
+    double to_border_px = reach_px;
     for (const HalfPlane& side : in_view) {
-      to_border = std::min(to_border, side.n_u * pixel->x() + side.n_v * pixel->y() + side.d);
+      to_border_px = std::min(to_border_px, side.n_u * pixel->x() + side.n_v * pixel->y() + side.d);
     }
-    if (!(to_border > 0)) continue;
+    if (!(to_border_px > 0)) continue;
     const Eigen::Matrix<double, 2, 3> J = J_view * R;
     // Direction of the projected tangent, and how much of its length is left: a vessel seen end-on has none.
     const Eigen::Vector2d tangent = J * Eigen::Vector3d(model.all.tx[i], model.all.ty[i], model.all.tz[i]) *
@@ -69,7 +69,7 @@ void DeformationEquations<D>::addFieldPull(const DeformedView& view, const Orien
     const double sin2 = 2 * tangent.x() * tangent.y() / length2 * length;
     const KernelField::Value value = field.at(*pixel, cos2, sin2);
     const double F = std::max(0.0, value.F);
-    const double w = view_weight * to_border / reach_px * model.all.weight[i] * length;
+    const double w = view_weight * to_border_px / reach_px * model.all.weight[i] * length;
     const double stiffness = w * F / (F + pull_weight.outlier_mass) * inverse_scale2;
     if (!(stiffness > 1e-9 * inverse_scale2)) continue;
     const Eigen::Vector2d gradient = w / (F + pull_weight.outlier_mass) * value.gradient;

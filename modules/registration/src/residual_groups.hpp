@@ -46,9 +46,9 @@ struct Grouping {
   /// one view the former draws depth from the belief, to which it should be left.
   bool of_mean_place;
 };
-/// As few as say what a rigid fit is off by.
+/// As few as say what a rigid fit is off by, and what the frame of one shows among others.
 inline constexpr Grouping kCoarseGroups{64, 15e-3, 0.5, 8, false};
-/// What a frame among others shows that are taken from elsewhere.
+/// What the frame of a deformed fit shows among others, which are taken from elsewhere.
 inline constexpr Grouping kFrameGroups{64, 10e-3, 0.8, 8, true};
 /// For a deformation that follows them in one view ...
 inline constexpr Grouping kOneViewGroups{400, 15e-3, 0.5, 8, false};
