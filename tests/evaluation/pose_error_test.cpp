@@ -40,8 +40,21 @@ TEST_F(PoseErrors, AShiftAlongTheBeamIsAllDepth) {
   EXPECT_NEAR(e.rotation_rad, 0, 1e-12);
 }
 
+// Rays diverge: a tree that is scaled about the source projects where it did, and is off parallel to the image.
+TEST_F(PoseErrors, AScaleAboutTheSourceIsNothingAcrossTheBeam) {
+  const double scale = 1.01;
+  const Eigen::Matrix3Xd seen = truth_ * tree_.points();
+  const Eigen::Matrix3Xd nearer = truth_.inverse() * Eigen::Matrix3Xd(scale * seen) - tree_.points();
+  const PoseError e = poseError(tree_, camera_, {truth_, nearer}, {truth_, {}});
+  EXPECT_NEAR(e.across_beam_m, 0, kRounding_m);
+  EXPECT_NEAR(e.in_plane_m, (scale - 1) * seen.topRows<2>().colwise().norm().mean(), kRounding_m);
+  EXPECT_NEAR(e.depth_m, (scale - 1) * seen.row(2).mean(), kRounding_m);
+}
+
 TEST_F(PoseErrors, AShiftAcrossTheBeamIsSeen) {
   const PoseError e = poseError(tree_, camera_, {shifted({0.003, -0.004, 0}), {}}, {truth_, {}});
+  EXPECT_LE(e.across_beam_m, 0.005);
+  EXPECT_NEAR(e.across_beam_m, 0.005, 0.005 * 0.01) << "rays are up to 8 deg off the axis";
   EXPECT_NEAR(e.in_plane_m, 0.005, kRounding_m);
   EXPECT_NEAR(e.depth_m, 0, kRounding_m);
   // Nearer points show more of it: the mean of 1/z exceeds 1/mean(z) by var(z)/mean(z)^2, about (0.04/0.75)^2 = 0.3 %

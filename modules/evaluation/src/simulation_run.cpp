@@ -317,6 +317,7 @@ std::string simulationTable(const Json& summaries) {
                                  {"p95", "{mtre_mm/p95:%.3f mm}"},
                                  {"depth", "{depth_mm/median:%.3f mm}"},
                                  {"in-plane", "{in_plane_mm/median:%.3f mm}"},
+                                 {"across the beam", "{across_beam_mm/median:%.3f mm}"},
                                  {"mPD", "{mpd_px/median:%.3f px}"},
                                  {"at the detector", "{mpd_detector_mm/median:%.3f mm}"},
                                  {"at the isocentre", "{mpd_isocentre_mm/median:%.3f mm}"},

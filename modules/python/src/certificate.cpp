@@ -77,6 +77,7 @@ void bindCertificate(py::module_& m) {
       .shows("mtre_m", &PoseError::mtre_m)
       .shows("depth_m", &PoseError::depth_m)
       .shows("in_plane_m", &PoseError::in_plane_m)
+      .shows("across_beam_m", &PoseError::across_beam_m)
       .shows("mpd_px", &PoseError::mpd_px)
       .shows("mpd_isocenter_m", &PoseError::mpd_isocenter_m)
       .shows("rotation_rad", &PoseError::rotation_rad)

@@ -28,6 +28,7 @@ constexpr ErrorColumn kErrors[] = {
     {"mtre_mm", [](const PoseError& e) { return Json(1e3 * e.mtre_m); }},
     {"depth_mm", [](const PoseError& e) { return Json(1e3 * e.depth_m); }},
     {"in_plane_mm", [](const PoseError& e) { return Json(1e3 * e.in_plane_m); }},
+    {"across_beam_mm", [](const PoseError& e) { return Json(1e3 * e.across_beam_m); }},
     {"mpd_px", [](const PoseError& e) { return orNull(e.mpd_px); }},
     {"mpd_isocentre_mm",
      [](const PoseError& e) { return e.mpd_isocenter_m ? Json(1e3 * *e.mpd_isocenter_m) : Json(nullptr); }},

@@ -23,6 +23,7 @@ PoseError poseError(const VesselTree& tree, const XrayCamera& camera, const Plac
     error.mtre_m += d.norm() / n;
     error.depth_m += std::abs(d.z()) / n;
     error.in_plane_m += d.head<2>().norm() / n;
+    error.across_beam_m += b.col(i).normalized().cross(d).norm() / n;
     const auto pixel = camera.project(a.col(i)), true_pixel = camera.project(b.col(i));
     all_seen = all_seen && pixel && true_pixel;
     if (all_seen) sum_px += (*pixel - *true_pixel).norm();

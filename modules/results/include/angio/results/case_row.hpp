@@ -85,6 +85,7 @@ void visitRow(Fields& f, RecordOf<Fields, PoseError>& error) {
   f("mtre_m", error.mtre_m);
   f("depth_m", error.depth_m);
   f("in_plane_m", error.in_plane_m);
+  f("across_beam_m", error.across_beam_m);
   f("mpd_px", error.mpd_px);
   f("mpd_isocenter_m", error.mpd_isocenter_m);
   f("rotation_rad", error.rotation_rad);

@@ -17,8 +17,11 @@ constexpr double kSuccessMtre_m = 2e-3;
 /// empty for none.
 struct PoseError {
   double mtre_m = 0;      ///< Mean 3D distance of the points under estimated and true pose (and deformation).
-  double depth_m = 0;     ///< Mean distance along the beam, of the same.
-  double in_plane_m = 0;  ///< Mean distance across the beam.
+  double depth_m = 0;     ///< Mean distance along the camera's optical axis, of the same.
+  double in_plane_m = 0;  ///< Mean distance parallel to the image.
+  /// Mean distance across the ray from the source to the true place: all that one view shows. Depth has no part in it;
+  /// in in_plane_m it has, as rays diverge.
+  double across_beam_m = 0;
 
   /// Mean distance of corresponding projections [px]. Nothing when a point lies behind the source under one of the
   /// poses: a mean over the others would make a pose inside the X-ray tube look good.
