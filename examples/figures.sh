@@ -167,6 +167,9 @@ worlds() {
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one"
       echo; echo "the same, nonrigid"
       "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid
+      echo; echo "the same, the belief as wide as the starts are drawn"
+      printf 'oriented_kernel: {prior_rotation_std_deg: 2, prior_translation_std_mm: 5}\n' > "$work/belief.yaml"
+      "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --settings "$work/belief.yaml"
       [ "$one" = 1 ] || { echo; echo "the same, two views"; "${ours[@]}" "${fields[@]}" --deformation-mm "$one" --nonrigid --views 2; }
       echo; echo "the same, one view, half of the tree in it"
       "${simulate[@]}" --trials "$((trials / 2))" --spurious 5 --method oriented_kernel "${fields[@]}" --deformation-mm "$one" \

@@ -42,12 +42,14 @@ CaseOutcome drawnOutcome(int seed) {
   o.claim = CaseOutcome::Claim{number(), number(), number()};
   o.usable_for = {"centre", "view"};
   o.point_covariances_m2 = {Eigen::Matrix3d::Random(), Eigen::Matrix3d::Random()};
+  o.point_central_covariances_m2 = {Eigen::Matrix3d::Random()};
+  o.interval_90 = CaseOutcome::Interval{number(), number()};
   o.certificate = PoseCertificate{true, number(), number(), {}, number(), 123456789012, "open", 3};
   o.certificate->alternative = PoseCertificate::Alternative{expSE3(random.twist(1, 1)), number(), number()};
   o.certificate_false = true;
   o.projection_residual_px = number();
-  o.start_error = PoseError{number(), number(), number(), {}, number(), number(), number(), number()};
-  o.error = PoseError{number(), number(), number(), number(), {}, number(), number(), std::nan("")};
+  o.start_error = PoseError{number(), number(), number(), number(), {}, number(), number(), number(), number()};
+  o.error = PoseError{number(), number(), number(), number(), number(), {}, number(), number(), std::nan("")};
   return o;
 }
 

@@ -68,6 +68,14 @@ TEST_F(Programs, RegisterSaysHowWellEachPointIsKnown) {
     EXPECT_GT(row[5].get<double>(), row[0].get<double>());
     EXPECT_GT(row[0].get<double>(), 0);
   }
+  // A rigid fit's errors are normal.
+  EXPECT_EQ(result["point_central_covariance_mm2"], covariances);
+  const Json& half_mm = result["interval_90_mm"];
+  double depth_mm2 = 0;
+  for (const Json& row : covariances) depth_mm2 += row[5].get<double>() / tree_.size();
+  // Along each ray, for the optical axis, and at a part of the points.
+  EXPECT_NEAR(half_mm["depth"], 1.645 * std::sqrt(depth_mm2), 0.05 * half_mm["depth"].get<double>());
+  EXPECT_LT(half_mm["across_beam"], half_mm["depth"]);
 }
 
 // A proof, none for want of time, and the box that is the search's.
@@ -132,7 +140,7 @@ TEST_F(Programs, RegisterSaysHowItWentInALineAndPrintsTheResultWhenAsked) {
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_EQ(ended.err, "");
   EXPECT_EQ(ended.out.rfind("converged: image to tree 0.", 0), 0u) << ended.out;
-  EXPECT_NE(ended.out.find(" ms; usable for centre, view, navigate\n"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find(" in depth; usable for centre, view, navigate\n"), std::string::npos) << ended.out;
   EXPECT_EQ(std::count(ended.out.begin(), ended.out.end(), '\n'), 1) << ended.out;
   arguments.push_back("--json");
   const auto printed = test::run("angio-register", arguments);

@@ -13,9 +13,9 @@ def without_times(result):
 # All that a result says but for the times, which differ from run to run.
 KEYS = {
     "status", "reason", "rotation", "translation_mm", "covariance", "ambiguity", "deformation_std_mm", "spread_mm",
-    "spread_across_mm", "usable_for", "point_covariance_mm2", "prior", "mean_projection_residual_px",
-    "rms_projection_residual_px", "mean_image_residual_px", "model_explained", "image_explained", "displacements_mm",
-    "points_3d", "points_2d", "iterations",
+    "spread_across_mm", "interval_90_mm", "usable_for", "point_covariance_mm2", "point_central_covariance_mm2",
+    "prior", "mean_projection_residual_px", "rms_projection_residual_px", "mean_image_residual_px",
+    "model_explained", "image_explained", "displacements_mm", "points_3d", "points_2d", "iterations",
 }
 
 

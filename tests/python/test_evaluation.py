@@ -37,7 +37,9 @@ def test_simulation(programs, data, tmp_path):
     trial = angio.simulated_trial(tree, 2, world)
     alone = without_times(angio.Registration(tree).search(trial.views, trial.start).as_dict())
     third = cases_of(said, "oriented_kernel")[sorted(said["methods"]["oriented_kernel"]["cases"])[2]]
-    assert third.pop("usable_for") == [] and alone.pop("usable_for")  # A simulation does not ask for what it is usable.
+    # A simulation does not ask for what it is usable, nor for intervals.
+    assert third.pop("usable_for") == [] and alone.pop("usable_for")
+    assert third.pop("interval_90_mm") is None and alone.pop("interval_90_mm")
     assert alone == third
     error = angio.pose_error(tree, trial.views[0].camera, trial.start, trial.truth)
     assert error.mtre_m > 1e-4

@@ -231,5 +231,23 @@ TEST(DeformationPosterior, OfStillMomentsIsThatOfOne) {
   EXPECT_GT(apart.pointCovariance(drawn.at).trace(), 3 * 25e-6);
 }
 
+// Its centre is the posterior of a process that has the amplitude which the residuals speak for, and no more.
+TEST(DeformationPosterior, WithoutItsTailsIsThatOfAProcessThatHasNone) {
+  test::Random random(47);
+  const DrawnPosterior drawn = drawPosterior(random, 1e-3);
+  ProcessShape without = kOneViewShape;
+  without.tails = 1;
+  const DeformationPosterior wide(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, kOneViewShape);
+  const DeformationPosterior expected(drawn.groups, drawn.belief, Pose::Identity(), kFieldLength_m, without);
+  ASSERT_TRUE(wide.known() && expected.known());
+  const auto central = wide.central();
+  ASSERT_TRUE(central);
+  EXPECT_NEAR(central->amplitude_m(), expected.amplitude_m(), 1e-12);
+  EXPECT_TRUE(central->twistCovariance().isApprox(expected.twistCovariance(), 1e-9));
+  EXPECT_TRUE(central->pointCovariance(drawn.at).isApprox(expected.pointCovariance(drawn.at), 1e-9));
+  EXPECT_LT(central->pointCovariance(drawn.at).trace(), wide.pointCovariance(drawn.at).trace());
+  EXPECT_FALSE(expected.central()) << "it has no tails";
+}
+
 }  // namespace
 }  // namespace angio::test

@@ -44,6 +44,32 @@ TEST(FitUncertainty, ClaimsWidenAllOfIt) {
   EXPECT_NEAR(widened.spread->across_m, 3 * plain.spread->across_m, 1e-12);
 }
 
+// A sixteenth of the variance is no tail.
+class TailedError final : public registration::TreeError {
+ public:
+  Eigen::Matrix3d pointCovariance(const Eigen::Vector3d&) const override { return 64e-6 * Eigen::Matrix3d::Identity(); }
+  std::shared_ptr<const TreeError> central() const override { return std::make_shared<KnownError>(); }
+};
+
+// A normal error's intervals are those of its covariance. Others are narrower by their tails, and by their own factor.
+TEST(FitUncertainty, IntervalsLeaveTailsOut) {
+  const VesselTree tree = test::branchingTree(3);
+  test::Random random(7);
+  const Eigen::Matrix3Xd centered = tree.points().colwise() - tree.centroid();
+  RegistrationResult result;
+  result.T_camera_model = test::viewOf(tree, random);
+  const Pose T_camera_centered = result.T_camera_model * Eigen::Translation3d(tree.centroid());
+  const Eigen::Vector3d point = tree.points().col(0);
+  const auto intervalsWith = [&](const Claims& claims) {
+    setUncertainty(std::make_shared<TailedError>(), centered, T_camera_centered, tree.centroid(), result, claims);
+    return result.points->centralCovarianceAt(point);
+  };
+  EXPECT_EQ(intervalsWith({3, nullptr}), result.points->covarianceAt(point));
+  const Eigen::Matrix3d expected_m2 = 0.25 * 9 * 4e-6 * Eigen::Matrix3d::Identity();
+  EXPECT_TRUE(intervalsWith({3, nullptr, 1, Claims::Central{0.5, 1}}).isApprox(expected_m2, 1e-12));
+  EXPECT_TRUE(result.points->covarianceAt(point).isApprox(9 * 64e-6 * Eigen::Matrix3d::Identity(), 1e-12));
+}
+
 // The factors that brains deformed by 5 mm needed in two views: 1.25 at a score of 0.54, 2.2 below 0.5. One view is
 // wider by its process already.
 TEST(FitUncertainty, LessIsClaimedWhereLessIsExplained) {

@@ -11,8 +11,8 @@
 namespace angio::evaluation {
 namespace {
 
-// Of a 3D normal error, the square of the distance that 99.73 % stay within; and of one axis, 90 %.
-constexpr double kBeyond2 = 14.16, kNinety = 1.6449;
+// Of a 3D normal error, the square of the distance that 99.73 % stay within.
+constexpr double kBeyond2 = 14.16;
 constexpr Eigen::Index kClaimPoints = 300;
 
 // More of the tree's points beyond the claim than this, and the claim is wrong.
@@ -35,8 +35,9 @@ std::optional<CaseOutcome::Claim> claimOf(const VesselTree& tree, const Registra
     const Eigen::Vector3d error = result.T_camera_model * model - trial.truth * truth;
     const Eigen::Vector3d ray = (result.T_camera_model * model).normalized();
     const Eigen::Quaterniond to_ray = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);
+    const Eigen::Matrix3d central = seen.centralCovariance(tree.points().col(i));
     const auto within = [&](const Eigen::Vector3d& axis) {
-      return std::abs(axis.dot(error)) <= kNinety * std::sqrt(axis.dot(C * axis));
+      return std::abs(axis.dot(error)) <= kInterval90 * std::sqrt(axis.dot(central * axis));
     };
     claim.beyond += squaredMahalanobis(error, C) > kBeyond2;
     claim.depth_in += within(ray);

@@ -208,6 +208,10 @@ void bindResult(py::module_& m) {
           "point_covariances_m2", [](const TreeResult& s) { return outcomeOf(s, true).point_covariances_m2; },
           "Of each point of the tree, 3 x 3 in camera axes [m^2]; empty without a covariance.")
       .def_property_readonly(
+          "point_central_covariances_m2",
+          [](const TreeResult& s) { return outcomeOf(s, true).point_central_covariances_m2; },
+          "The same of normal errors that have the 90 % intervals: 1.645 of their standard deviations hold 90 %.")
+      .def_property_readonly(
           "tree", [](const TreeResult& s) { return std::const_pointer_cast<VesselTree>(s.tree); },
           "The tree that was registered.")
       .def(

@@ -18,24 +18,36 @@ DeformationPosterior::DeformationPosterior(const std::vector<ResidualGroup>& gro
     : groups_(groups), moments_(std::move(moments)), process_(groups, length_m, shape) {
   if (!groups_.noise_px2.allFinite()) return;
   amplitude_m_ = shape.tails * sizes.deformation_m;
+  tails_ = shape.tails;
   local_m_ = sizes.local_m;
   noise_px2_ = sizes.together * groups_.noise_px2;
-
-  Eigen::MatrixXd C = covarianceOfResiduals(process_, groups_, moments_, amplitude_m_, local_m_);
-  if (!C.allFinite()) return;
-  C.diagonal() += noise_px2_;
-  if (!factorLower(C)) return;
-  lower_ = std::move(C);
-  Matrix6d information = Matrix6d::Zero();
   Vector6d pull = Vector6d::Zero();
-  belief.add(T_camera_centered, information, pull);
+  belief.add(T_camera_centered, information_, pull);
+  if (!decompose()) return;
   const auto& J = groups_.jacobian;
-  whitened_jacobian_ = factor().solve(J);
-  noise_ = inverseOf(J.transpose() * noise_px2_.cwiseInverse().asDiagonal() * J + information);
-  twist_ = inverseOf(whitened_jacobian_.transpose() * whitened_jacobian_ + information);
+  noise_ = inverseOf(J.transpose() * noise_px2_.cwiseInverse().asDiagonal() * J + information_);
   mean_ = -twist_ * (whitened_jacobian_.transpose() * factor().solve(groups_.residual_px) + pull);
   weights_ = -factor().transpose().solve(factor().solve(groups_.residual_px + J * mean_));
   known_ = noise_.allFinite() && twist_.allFinite() && mean_.allFinite() && weights_.allFinite();
+}
+
+bool DeformationPosterior::decompose() {
+  Eigen::MatrixXd C = covarianceOfResiduals(process_, groups_, moments_, amplitude_m_, local_m_);
+  if (!C.allFinite()) return false;
+  C.diagonal() += noise_px2_;
+  if (!factorLower(C)) return false;
+  lower_ = std::move(C);
+  whitened_jacobian_ = factor().solve(groups_.jacobian);
+  twist_ = inverseOf(whitened_jacobian_.transpose() * whitened_jacobian_ + information_);
+  return twist_.allFinite();
+}
+
+std::shared_ptr<const TreeError> DeformationPosterior::central() const {
+  if (tails_ == 1) return nullptr;
+  auto result = std::make_shared<DeformationPosterior>(*this);
+  result->amplitude_m_ /= tails_;
+  result->tails_ = 1;
+  return result->decompose() ? result : nullptr;
 }
 
 Eigen::ArrayXd DeformationPosterior::ofGroups(const Eigen::MatrixXd& by_moment, Eigen::Index moment) const {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <memory>
 #include <vector>
 
 #include "deformation_process.hpp"
@@ -51,8 +52,11 @@ class DeformationPosterior final : public TreeError {
   Eigen::VectorXd normalizedLeftover() const;
 
   Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& at) const override;
+  std::shared_ptr<const TreeError> central() const override;
 
  private:
+  // What the covariances of the amplitudes need; false where there is none.
+  bool decompose();
   Eigen::Index newest() const { return moments_.deformation.cols() - 1; }
   const auto factor() const { return lower_.triangularView<Eigen::Lower>(); }
   Eigen::ArrayXd ofGroups(const Eigen::MatrixXd& by_moment, Eigen::Index moment) const;
@@ -64,8 +68,9 @@ class DeformationPosterior final : public TreeError {
   Eigen::Matrix<double, Eigen::Dynamic, 6> whitened_jacobian_;
   Eigen::VectorXd weights_;  // Of the groups' residuals in a displacement.
   Eigen::VectorXd noise_px2_;
+  Matrix6d information_ = Matrix6d::Zero();  // Of the belief.
   Twist mean_ = Twist::Zero();
-  double local_m_ = 0;
+  double local_m_ = 0, tails_ = 1;
   bool known_ = false;
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "angio/registration/result.hpp"
 #include "local_misfit.hpp"
@@ -11,10 +12,16 @@ namespace angio::registration {
 
 /// What is claimed beyond an error's own word.
 struct Claims {
-  double factor = 1;  ///< On its standard deviations.
-  std::shared_ptr<const LocalMisfit>
-      misfit;               ///< What single points are off by besides; null: nothing is known of that.
-  double misfit_share = 1;  ///< Of its variance, that counts.
+  /// Of intervals that hold 90 % and not more, the deformation without its tails.
+  struct Central {
+    double factor;        ///< On the standard deviations, besides the factor for all.
+    double misfit_share;  ///< Of the misfits' variance, that counts.
+  };
+
+  double factor = 1;                          ///< On its standard deviations.
+  std::shared_ptr<const LocalMisfit> misfit;  ///< What single points are off by besides; null: nothing is known.
+  double misfit_share = 1;                    ///< Of its variance, that counts.
+  std::optional<Central> central = {};        ///< Null: errors are normal.
 };
 
 /// Returns the claims of a deformed tree by its alignment score. A process gets less right where much is not explained:

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 
 #include "angio/geometry/se3.hpp"
 #include "angio/registration/namespace.hpp"
@@ -16,6 +17,9 @@ class TreeError {
 
   /// Returns the covariance of a point's error, all that is uncertain counted [m^2].
   virtual Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& at) const = 0;
+
+  /// Returns the same error without the tails of its deformation; null where it has none.
+  virtual std::shared_ptr<const TreeError> central() const { return nullptr; }
 
   /// Returns the covariance of the twist, whatever the deformation is.
   const Matrix6d& twistCovariance() const { return twist_; }

@@ -98,10 +98,18 @@ Json caseAsJson(const CaseOutcome& outcome) {
   json["deformation_std_mm"] = 1e3 * r.deformation_std_m;
   json["spread_mm"] = r.spread ? Json(1e3 * r.spread->all_m) : Json(nullptr);
   json["spread_across_mm"] = r.spread ? Json(1e3 * r.spread->across_m) : Json(nullptr);
+  json["interval_90_mm"] = nullptr;
+  if (const auto& half = outcome.interval_90) {
+    json["interval_90_mm"] = {{"across_beam", 1e3 * half->across_beam_m}, {"depth", 1e3 * half->depth_m}};
+  }
   json["usable_for"] = outcome.usable_for;
-  for (const Eigen::Matrix3d& C_m2 : outcome.point_covariances_m2) {
-    const Eigen::Matrix3d C = 1e6 * C_m2;
-    json["point_covariance_mm2"].push_back({C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2)});
+  for (const auto& [key, covariances] :
+       {std::pair("point_covariance_mm2", &outcome.point_covariances_m2),
+        std::pair("point_central_covariance_mm2", &outcome.point_central_covariances_m2)}) {
+    for (const Eigen::Matrix3d& C_m2 : *covariances) {
+      const Eigen::Matrix3d C = 1e6 * C_m2;
+      json[key].push_back({C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2)});
+    }
   }
   if (outcome.claim) {
     json["claim"] = {{"beyond", outcome.claim->beyond},

@@ -81,12 +81,30 @@ void addUses(const VesselTree& tree, CaseOutcome& outcome) {
   if (across >= kMinUsableShare * places) outcome.usable_for.push_back("navigate");
 }
 
+void addIntervals(const VesselTree& tree, CaseOutcome& outcome) {
+  outcome.interval_90.reset();
+  const auto seen = claimedBy(outcome.result);
+  if (!seen) return;
+  double places = 0, across_m2 = 0, depth_m2 = 0;
+  const Eigen::Index stride = std::max<Eigen::Index>(1, tree.points().cols() / kPlaces);
+  for (Eigen::Index i = stride / 2; i < tree.points().cols(); i += stride, ++places) {
+    const Eigen::Vector3d p = tree.points().col(i), ray = seen->placeAt(p).normalized();
+    const Eigen::Matrix3d C = seen->centralCovariance(p);
+    const double along_m2 = ray.dot(C * ray);
+    depth_m2 += along_m2;
+    across_m2 += 0.5 * (C.trace() - along_m2);
+  }
+  outcome.interval_90 = {kInterval90 * std::sqrt(across_m2 / places), kInterval90 * std::sqrt(depth_m2 / places)};
+}
+
 void addPointCovariances(const VesselTree& tree, CaseOutcome& outcome) {
   outcome.point_covariances_m2.clear();
+  outcome.point_central_covariances_m2.clear();
   const auto seen = claimedBy(outcome.result);
   if (!seen) return;
   for (const auto& point : tree.points().colwise()) {
     outcome.point_covariances_m2.push_back(seen->pointCovariance(point));
+    outcome.point_central_covariances_m2.push_back(seen->centralCovariance(point));
   }
 }
 
@@ -140,6 +158,7 @@ Pose CaseRunner::track(const Case& one, int frame, const XrayViews& views, const
   outcome.rejection = outcome.by_catheter ? seen.by_catheter->rejection : seen.rejection;
   outcome.followed = !outcome.rejection;
   addUses(outcome.by_catheter ? seen.by_catheter->vessels : tree, outcome);
+  addIntervals(outcome.by_catheter ? seen.by_catheter->vessels : tree, outcome);
   if (settings_.point_covariance) addPointCovariances(tree, outcome);
   return seen.observation.predicted.T_camera_model;
 }
@@ -197,6 +216,7 @@ PatientTrackerSettings trackerOfCases() {
 
 void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome) {
   addUses(tree, outcome);
+  addIntervals(tree, outcome);
   if (of_each_point) addPointCovariances(tree, outcome);
 }
 

@@ -73,6 +73,11 @@ struct PatientObservation {
   Eigen::Matrix3d pointCovariance(const Eigen::Vector3d& p_model,
                                   const Eigen::Matrix3d& R_axes_camera = Eigen::Matrix3d::Identity()) const;
 
+  /// Returns the covariance, camera axes, whose 90 % intervals are the point's [m^2]: see PointUncertainty.
+  Eigen::Matrix3d centralCovariance(const Eigen::Vector3d& p_model) const {
+    return points ? points->centralCovarianceAt(p_model) : pointCovariance(p_model);
+  }
+
   /// Returns the standard deviation of a model point along the camera's optical axis [m].
   double depthStd_m(const Eigen::Vector3d& p_model) const;
 

@@ -63,6 +63,9 @@ struct RegistrationTimes {
   }
 };
 
+/// So many standard deviations to either side hold 90 % of a normal error.
+inline constexpr double kInterval90 = 1.6449;
+
 /// How uncertain the place of each point of a registered tree is.
 class PointUncertainty {
  public:
@@ -70,7 +73,15 @@ class PointUncertainty {
   /// Returns the covariance of the error of a point of the tree where the result's pose and displacements put it,
   /// camera axes [m^2]: noise of the image, and a deformation of the tree that the residuals allow. `p_model` is the
   /// point as the tree was given, in the model frame [m].
+  ///
+  /// It is as large as the tails of the error need: three of its standard deviations hold. Errors of a deformed tree
+  /// have heavier tails than a normal distribution, as deformations differ in kind and some vessels are taken for their
+  /// neighbours.
   virtual Eigen::Matrix3d covarianceAt(const Eigen::Vector3d& p_model) const = 0;
+
+  /// Returns the covariance of the normal distribution that has the error's 90 % intervals: kInterval90 of its
+  /// standard deviations, on any axis. Nowhere larger than covarianceAt(), and the same where errors are normal.
+  virtual Eigen::Matrix3d centralCovarianceAt(const Eigen::Vector3d& p_model) const { return covarianceAt(p_model); }
 };
 
 struct FrameEvidence;  // What a fit has matched in one view, for depthFromMotion().

@@ -101,6 +101,12 @@ void visitRow(Fields& f, RecordOf<Fields, CaseOutcome::Claim>& claim) {
 }
 
 template <typename Fields>
+void visitRow(Fields& f, RecordOf<Fields, CaseOutcome::Interval>& interval) {
+  f("across_beam_m", interval.across_beam_m);
+  f("depth_m", interval.depth_m);
+}
+
+template <typename Fields>
 void visitRow(Fields& f, RecordOf<Fields, CaseOutcome>& outcome) {
   f("name", outcome.name);
   f("result", outcome.result);
@@ -112,6 +118,8 @@ void visitRow(Fields& f, RecordOf<Fields, CaseOutcome>& outcome) {
   f("claim", outcome.claim);
   f("usable_for", outcome.usable_for);
   f("point_covariances_m2", outcome.point_covariances_m2);
+  f("point_central_covariances_m2", outcome.point_central_covariances_m2);
+  f("interval_90", outcome.interval_90);
   f("certificate", outcome.certificate);
   f("certificate_false", outcome.certificate_false);
   f("projection_residual_px", outcome.projection_residual_px);

@@ -52,6 +52,14 @@ struct CaseOutcome {
   /// unsure, at 95 % of the tree's places: of "centre", which needs them across the beam, "view" and "navigate".
   std::vector<std::string> usable_for;
   std::vector<Eigen::Matrix3d> point_covariances_m2;  ///< Of each point of the tree, camera axes, where asked for.
+  /// The same whose 90 % intervals hold 90 %: see PointUncertainty::centralCovarianceAt().
+  std::vector<Eigen::Matrix3d> point_central_covariances_m2;
+  /// Half of the 90 % intervals about the claimed places, rms over the tree [m].
+  struct Interval {
+    double across_beam_m = 0;  ///< On an axis across the ray.
+    double depth_m = 0;        ///< Along it.
+  };
+  std::optional<Interval> interval_90;
   /// Of a trial that was certified: what the certificate says, and whether it is false: it has proven a pose that is
   /// another one than the truth.
   std::optional<PoseCertificate> certificate;
@@ -74,7 +82,8 @@ std::vector<CaseOutcome> runCases(const CaseSet& set, const CaseRunSettings& set
 /// One method's figures over all cases, as people compare methods.
 nlohmann::ordered_json summaryOf(const std::vector<CaseOutcome>& outcomes);
 
-/// Sets what an outcome's result is usable for and, if asked for, the covariance of each point of the tree.
+/// Sets what an outcome's result is usable for, its 90 % intervals and, if asked for, the covariances of each point of
+/// the tree.
 void addClaims(const VesselTree& tree, bool of_each_point, CaseOutcome& outcome);
 
 /// One case as outside tools read it.
