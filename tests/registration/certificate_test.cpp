@@ -281,8 +281,12 @@ TEST(Certificate, UnexplainedPlacesCostWhatTheFoundPoseCanBear) {
     const int cost = certify(s.tree, view, s.truth, s.truth, settings).unexplained_cost;
     ASSERT_TRUE(cost >= 1 && cost <= 3) << cost;
     costs[static_cast<std::size_t>(cost)] = true;
-    if (cost > 1) EXPECT_GE(2 * score(cost), score(0)) << missing;
-    if (cost < 3) EXPECT_LT(2 * score(cost + 1), score(0)) << missing;
+    if (cost > 1) {
+      EXPECT_GE(2 * score(cost), score(0)) << missing;
+    }
+    if (cost < 3) {
+      EXPECT_LT(2 * score(cost + 1), score(0)) << missing;
+    }
   }
   EXPECT_TRUE(costs[1] && costs[2] && costs[3]);
 }
