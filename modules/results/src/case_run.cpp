@@ -91,8 +91,8 @@ void addIntervals(const VesselTree& tree, CaseOutcome& outcome) {
     const Eigen::Vector3d p = tree.points().col(i), ray = seen->placeAt(p).normalized();
     const Eigen::Matrix3d C = seen->centralCovariance(p);
     const double along_m2 = ray.dot(C * ray);
-    depth_m2 += along_m2;
-    across_m2 += 0.5 * (C.trace() - along_m2);
+    depth_m2 += std::max(0.0, along_m2);
+    across_m2 += std::max(0.0, 0.5 * (C.trace() - along_m2));
   }
   outcome.interval_90 = {kInterval90 * std::sqrt(across_m2 / places), kInterval90 * std::sqrt(depth_m2 / places)};
 }
