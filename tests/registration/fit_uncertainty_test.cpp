@@ -64,7 +64,8 @@ TEST(FitUncertainty, IntervalsLeaveTailsOut) {
     setUncertainty(std::make_shared<TailedError>(), centered, T_camera_centered, tree.centroid(), result, claims);
     return result.points->centralCovarianceAt(point);
   };
-  EXPECT_EQ(intervalsWith({3, nullptr}), result.points->covarianceAt(point));
+  const Eigen::Matrix3d normal_m2 = intervalsWith({3, nullptr});
+  EXPECT_EQ(normal_m2, result.points->covarianceAt(point));
   const Eigen::Matrix3d expected_m2 = 0.25 * 9 * 4e-6 * Eigen::Matrix3d::Identity();
   EXPECT_TRUE(intervalsWith({3, nullptr, 1, Claims::Central{0.5, 1}}).isApprox(expected_m2, 1e-12));
   EXPECT_TRUE(result.points->covarianceAt(point).isApprox(9 * 64e-6 * Eigen::Matrix3d::Identity(), 1e-12));
