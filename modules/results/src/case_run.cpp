@@ -157,8 +157,9 @@ Pose CaseRunner::track(const Case& one, int frame, const XrayViews& views, const
   // Of the whole tree a catheter does not say where it is, which is for tasks to ask: see usable_for.
   outcome.rejection = outcome.by_catheter ? seen.by_catheter->rejection : seen.rejection;
   outcome.followed = !outcome.rejection;
-  addUses(outcome.by_catheter ? seen.by_catheter->vessels : tree, outcome);
-  addIntervals(outcome.by_catheter ? seen.by_catheter->vessels : tree, outcome);
+  const VesselTree& vessels = outcome.by_catheter ? seen.by_catheter->vessels : tree;
+  addUses(vessels, outcome);
+  addIntervals(vessels, outcome);
   if (settings_.point_covariance) addPointCovariances(tree, outcome);
   return seen.observation.predicted.T_camera_model;
 }
