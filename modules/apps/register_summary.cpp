@@ -44,8 +44,8 @@ std::string summaryOf(const CaseOutcome& outcome, const RegistrationTry& tried) 
   std::string line = captionOf(outcome);
   if (r.status == RegistrationStatus::kConverged) {
     if (const auto& half = outcome.interval_90) {
-      line += formatted("; 90 %% within %.2g mm across the beam, %.2g mm in depth", 1e3 * half->across_beam_m,
-                        1e3 * half->depth_m);
+      line += formatted("; 90 %% intervals +-%.2g mm on each axis across the beam, +-%.2g mm in depth",
+                        1e3 * half->across_beam_m, 1e3 * half->depth_m);
     }
     return line +
            (outcome.usable_for.empty() ? "; too unsure for any task" : "; usable for " + joined(outcome.usable_for));
