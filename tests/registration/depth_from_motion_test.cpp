@@ -22,7 +22,7 @@ using registration::MovingFrame;
 // then turns by 6 deg in one. Each is registered as a loop does: from where the one before was.
 class Turn {
  public:
-  Turn(unsigned seed, double deformation_m, double breath_m, double turn_deg = 6)
+  Turn(unsigned seed, double deformation_m, double breath_m, double turn_deg = 6, double lag_s = 0.3)
       : random_(seed), tree_(branchingTree(seed)) {
     T_last_ = viewOf(tree_, random_);
     const Eigen::Vector3d a = random_.vector(1), b = random_.vector(1);
@@ -44,10 +44,10 @@ class Turn {
       Pose T_frame_last = Pose::Identity();
       T_frame_last.linear() = expSO3({0, -left_rad, 0});
       T_frame_last = Eigen::Translation3d(0, 0, 0.75) * T_frame_last * Eigen::Translation3d(0, 0, -0.75);
-      // Along the axis of the turn, and a third of it across, later.
+      // Along the axis of the turn, and a third of it across, later or sooner.
       const auto lung = [](double t) { return std::pow(std::sin(kPi * t / 4), 4); };
       const Eigen::Vector3d breath = T_last_.linear().transpose() * breath_m *
-                                     Eigen::Vector3d(0.3 * lung(time_s - 0.3), lung(time_s), 0.2 * lung(time_s));
+                                     Eigen::Vector3d(0.3 * lung(time_s - lag_s), lung(time_s), 0.2 * lung(time_s));
       now_ = (tree_.points() + deformation_).colwise() + breath;
       const Pose T = T_frame_last * T_last_;
       Centerline2d shown = projectedCenterline(VesselTree(now_, tree_.parents()), camera_, T);
@@ -129,22 +129,26 @@ TEST(DepthFromMotion, FindsTheDepthOfADeformedTree) {
   EXPECT_GE(std::sqrt(alone_m2), 3 * std::sqrt(together_m2));
 }
 
-// The breath moves the image by 60 px while a millimetre in depth moves it by half a pixel.
+// The breath moves the image by 60 px while a millimetre in depth moves it by half a pixel. What leads, frames to come
+// would tell: less is known of it.
 TEST(DepthFromMotion, FindsItWhileThePatientBreathes) {
-  double together_m2 = 0;
-  constexpr int kTrees = 4;
-  for (unsigned seed = 1; seed <= kTrees; ++seed) {
-    const Turn turn(seed, 2e-3, 12e-3);
-    const auto found = turn.fit();
-    ASSERT_TRUE(found);
-    EXPECT_GT(found->patient_motion_m, 2e-3);
-    EXPECT_GE(turn.within(found->registration, 3), 0.95) << seed;
-    together_m2 += std::pow(turn.depthError_m(found->registration), 2) / kTrees;
-    // Found again in the last frame it is no further off across the beam; where nothing is gained it stays.
-    EXPECT_LE(turn.acrossError_m(found->registration), 0.45e-3) << seed;
+  for (const auto& [lag_s, most_m] : {std::pair{0.3, 0.8e-3}, std::pair{-0.3, 2.5e-3}}) {
+    double together_m2 = 0;
+    constexpr int kTrees = 3;
+    for (unsigned seed = 1; seed <= kTrees; ++seed) {
+      const Turn turn(seed, 2e-3, 12e-3, 6, lag_s);
+      const auto found = turn.fit();
+      ASSERT_TRUE(found);
+      EXPECT_GT(found->patient_motion_m, 2e-3);
+      EXPECT_GE(turn.within(found->registration, 3), 0.95) << seed;
+      together_m2 += std::pow(turn.depthError_m(found->registration), 2) / kTrees;
+      // Found again in the last frame it is no further off across the beam; where nothing is gained it stays.
+      EXPECT_LE(turn.acrossError_m(found->registration), 0.45e-3) << seed;
+    }
+    std::printf("depth while the patient breathes, %.1f s later across than along, rms: %.2f mm\n", lag_s,
+                1e3 * std::sqrt(together_m2));
+    EXPECT_LE(std::sqrt(together_m2), most_m);
   }
-  std::printf("depth while the patient breathes, rms: %.2f mm\n", 1e3 * std::sqrt(together_m2));
-  EXPECT_LE(std::sqrt(together_m2), 3e-3);
 }
 
 TEST(DepthFromMotion, SaysNothingWithoutATurnOrFrames) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/depth_from_motion.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -29,8 +30,11 @@ constexpr double kMismatch = 4;
 // The patient moves across the axis of the turn by about as much as along it, and half of that deforms the tree. The
 // way in and the way out of a breath differ: a third of the motion lags or leads.
 constexpr double kAcross = 1, kDeforms = 0.5, kOfLag = 0.33;
-constexpr std::array<double, 4> kLags_s = {-0.4, -0.2, 0.2, 0.4};
+// What leads by more would be told by frames that are still to come: of that the last frames know nothing.
+constexpr std::array<double, 3> kLags_s = {-0.1, 0.2, 0.4};
 constexpr double kStill_m = 0.1e-3;
+// A breath goes together over such a time, and frames tell its way along the axis with such a standard deviation.
+constexpr double kBreath_s = 1, kSeen_m = 0.1e-3;
 
 // How far a frame may be off for itself, per axis [m].
 constexpr std::array<double, 5> kUnexplained_m = {0.01e-3, 0.05e-3, 0.15e-3, 0.4e-3, 1e-3};
@@ -67,29 +71,24 @@ Chosen choose(const std::vector<MovingFrame>& frames) {
   return chosen;
 }
 
-// How far the patient is along the axis of the turn in each frame, zero mean [m], and the same some time before and
-// after.
+// How far the patient is along the axis of the turn in each frame, zero mean [m].
 struct Signal {
   Eigen::VectorXd along_m;
-  Eigen::MatrixXd shifted_m;  // A column for each of kLags_s.
+  // Second moments of the same some time before and after, summed over kLags_s, with what is not known of it between
+  // frames, before the first and after the last.
+  Eigen::MatrixXd shifted_m2;
   double rms_m = 0;
 };
 
-// Between frames linear; before the first and after the last as there.
-double valueAt(const Chosen& chosen, const Eigen::VectorXd& values, double time_s) {
-  const auto after = std::lower_bound(chosen.frames.begin(), chosen.frames.end(), time_s,
-                                      [](const MovingFrame* frame, double t) { return frame->time_s < t; });
-  if (after == chosen.frames.begin()) return values[0];
-  if (after == chosen.frames.end()) return values[values.size() - 1];
-  const auto i = static_cast<Eigen::Index>(after - chosen.frames.begin());
-  const double from_s = (*(after - 1))->time_s, to_s = (*after)->time_s;
-  const double share = to_s > from_s ? (time_s - from_s) / (to_s - from_s) : 0;
-  return (1 - share) * values[i - 1] + share * values[i];
+// How much a breath goes together over a time: Matern's covariance of order 5/2, of variance 1.
+double correlationOver(double apart_s) {
+  const double x = std::sqrt(5.0) * std::abs(apart_s) / kBreath_s;
+  return (1 + x + x * x / 3) * std::exp(-x);
 }
 
 Signal signalOf(const Chosen& chosen) {
   const auto n = static_cast<Eigen::Index>(chosen.frames.size());
-  Signal signal{Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, static_cast<Eigen::Index>(kLags_s.size())), 0};
+  Signal signal{Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, n), 0};
   for (Eigen::Index f = 0; f < n; ++f) {
     const MovingFrame& frame = *chosen.frames[f];
     const Eigen::Vector3d seen =
@@ -102,18 +101,32 @@ Signal signalOf(const Chosen& chosen) {
     signal.along_m.setZero();
     return signal;
   }
-  for (std::size_t k = 0; k < kLags_s.size(); ++k) {
+  const auto correlations = [&](double lag_s) {
+    Eigen::MatrixXd of(n, n);
     for (Eigen::Index f = 0; f < n; ++f) {
-      const double time_s = chosen.frames[f]->time_s - kLags_s[k];
-      signal.shifted_m(f, static_cast<Eigen::Index>(k)) = valueAt(chosen, signal.along_m, time_s);
+      for (Eigen::Index g = 0; g < n; ++g) {
+        of(f, g) = correlationOver(chosen.frames[f]->time_s - lag_s - chosen.frames[g]->time_s);
+      }
     }
+    return of;
+  };
+  // Regression of a normal process (Kriging).
+  const Eigen::MatrixXd together = correlations(0);
+  const double noise = kSeen_m / signal.rms_m;
+  const Eigen::LLT<Eigen::MatrixXd> seen(together + noise * noise * Eigen::MatrixXd::Identity(n, n));
+  for (const double lag_s : kLags_s) {
+    const Eigen::MatrixXd across = correlations(lag_s);
+    const Eigen::MatrixXd gain = seen.solve(across.transpose()).transpose();
+    const Eigen::VectorXd shifted_m = gain * signal.along_m;
+    signal.shifted_m2 += shifted_m * shifted_m.transpose();
+    signal.shifted_m2 += signal.rms_m * signal.rms_m * (together - gain * across.transpose());
   }
   return signal;
 }
 
 Moments momentsOf(const Signal& signal, std::vector<Eigen::Index> of_group, double unexplained_m, double amplitude_m) {
-  const Eigen::MatrixXd moves = kAcross * kAcross * signal.along_m * signal.along_m.transpose() +
-                                kOfLag * kOfLag * signal.shifted_m * signal.shifted_m.transpose();
+  const Eigen::MatrixXd moves =
+      kAcross * kAcross * signal.along_m * signal.along_m.transpose() + kOfLag * kOfLag * signal.shifted_m2;
   Moments moments;
   moments.of_group = std::move(of_group);
   moments.shift_m2 = moves;
