@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 
+#include "angio/geometry/matern.hpp"
 #include "angio/perception/catheter_registration.hpp"
 #include "angio/perception/patient_observation.hpp"
 #include "angio/vessel/resample.hpp"
@@ -34,11 +35,10 @@ double asExplained(const AlignmentScore& alignment) {
 // What a tree may be bent by where no curve shows it, per axis: as much as trees are that registration is tried on.
 constexpr double kBend_m = 5e-3;
 
-// What goes together of a deformation at places so far apart: Matern 5/2, as DeformationFit has it.
+// What goes together of a deformation at places so far apart.
 double correlation(double distance_m) {
   constexpr double kLength_m = 30e-3;
-  const double x = std::sqrt(5.0) * distance_m / kLength_m;
-  return (1 + x + x * x / 3) * std::exp(-x);
+  return maternCorrelation(std::sqrt(5.0) * distance_m / kLength_m);
 }
 
 // What a fit to a catheter's curve claims of a point, and what it cannot know.

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "angio/geometry/matern.hpp"
+
 namespace angio::registration {
 
 // Share of the variance at any node that the modes may leave out.
@@ -78,8 +80,7 @@ Eigen::MatrixXd smoothModes(const Eigen::Matrix3Xd& nodes, double std_m, double 
     if (!(left.maxCoeff(&pivot) > kLeftOut)) break;
     Eigen::VectorXd column(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-      const double d = (nodes.col(i) - nodes.col(pivot)).norm() / length_m;
-      column[i] = (1 + d + d * d / 3) * std::exp(-d);
+      column[i] = maternCorrelation((nodes.col(i) - nodes.col(pivot)).norm() / length_m);
     }
     if (count > 0) column.noalias() -= factor.leftCols(count) * factor.row(pivot).head(count).transpose();
     factor.col(count) = column / std::sqrt(left[pivot]);

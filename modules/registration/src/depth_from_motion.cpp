@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 #include "angio/registration/depth_from_motion.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
 
 #include "across_beam.hpp"
+#include "angio/geometry/decompositions.hpp"
+#include "angio/geometry/matern.hpp"
 #include "angio/registration/alignment_score.hpp"
 #include "deformation_posterior.hpp"
 #include "fit_classification.hpp"
@@ -33,7 +34,8 @@ constexpr double kAcross = 1, kDeforms = 0.5, kOfLag = 0.33;
 // What leads by more would be told by frames that are still to come: of that the last frames know nothing.
 constexpr std::array<double, 3> kLags_s = {-0.1, 0.2, 0.4};
 constexpr double kStill_m = 0.1e-3;
-// A breath goes together over such a time, and frames tell its way along the axis with such a standard deviation.
+// A breath is a Gaussian process of such a length (Matern 5/2); frames tell its way along the axis with such a standard
+// deviation.
 constexpr double kBreath_s = 1, kSeen_m = 0.1e-3;
 
 // How far a frame may be off for itself, per axis [m].
@@ -80,12 +82,6 @@ struct Signal {
   double rms_m = 0;
 };
 
-// How much a breath goes together over a time: Matern's covariance of order 5/2, of variance 1.
-double correlationOver(double apart_s) {
-  const double x = std::sqrt(5.0) * std::abs(apart_s) / kBreath_s;
-  return (1 + x + x * x / 3) * std::exp(-x);
-}
-
 Signal signalOf(const Chosen& chosen) {
   const auto n = static_cast<Eigen::Index>(chosen.frames.size());
   Signal signal{Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, n), 0};
@@ -105,21 +101,23 @@ Signal signalOf(const Chosen& chosen) {
     Eigen::MatrixXd of(n, n);
     for (Eigen::Index f = 0; f < n; ++f) {
       for (Eigen::Index g = 0; g < n; ++g) {
-        of(f, g) = correlationOver(chosen.frames[f]->time_s - lag_s - chosen.frames[g]->time_s);
+        const double apart_s = std::abs(chosen.frames[f]->time_s - lag_s - chosen.frames[g]->time_s);
+        of(f, g) = maternCorrelation(std::sqrt(5.0) * apart_s / kBreath_s);
       }
     }
     return of;
   };
-  // Regression of a normal process (Kriging).
+  // Gaussian process regression of what frames saw, at the times that lag.
   const Eigen::MatrixXd together = correlations(0);
   const double noise = kSeen_m / signal.rms_m;
-  const Eigen::LLT<Eigen::MatrixXd> seen(together + noise * noise * Eigen::MatrixXd::Identity(n, n));
+  Eigen::MatrixXd seen = together;
+  seen.diagonal().array() += noise * noise;
+  const Eigen::MatrixXd inverse = inverseOfSymmetric(seen);
   for (const double lag_s : kLags_s) {
-    const Eigen::MatrixXd across = correlations(lag_s);
-    const Eigen::MatrixXd gain = seen.solve(across.transpose()).transpose();
+    const Eigen::MatrixXd cross = correlations(lag_s), gain = cross * inverse;
     const Eigen::VectorXd shifted_m = gain * signal.along_m;
     signal.shifted_m2 += shifted_m * shifted_m.transpose();
-    signal.shifted_m2 += signal.rms_m * signal.rms_m * (together - gain * across.transpose());
+    signal.shifted_m2 += signal.rms_m * signal.rms_m * (together - gain * cross.transpose());
   }
   return signal;
 }
