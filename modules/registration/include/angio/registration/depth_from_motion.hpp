@@ -35,11 +35,11 @@ struct DepthFromMotion {
 /// in depth over 6 deg, which the covariance does not count. What moves the patient, as the breath does, is read off
 /// the shift of the frames along the axis of the turn, in which depth has no part: across it, and at each place of the
 /// tree, the patient may move by anything smooth that goes with it, or with it up to 0.4 s later or 0.1 s sooner. What
-/// the breath is between frames, before the first and after the last is regressed, and counts as far as it is open. How
-/// far frames are off for themselves is found from the residuals. Linear about what the frames' own fits have matched,
-/// twice. A tree that is deformed by millimetres is then found again across the newest frame's beam, where that
-/// explains more of it. A place that lies beside its image there is claimed less. The displacements hold the patient's
-/// shift, which is no deformation to the status.
+/// the breath is between frames, before the first and after the last is regressed; its uncertainty is in the claims.
+/// How far frames are off for themselves is found from the residuals. Linear about what the frames' own fits have
+/// matched, twice. A tree that is deformed by millimetres is then found again across the newest frame's beam, where
+/// that explains more of it. A place that lies beside its image there is claimed less. The displacements hold the
+/// patient's shift, which is no deformation to the status.
 ///
 /// @param frames  By time, the newest last; those without evidence are left out.
 /// @param newest  What the newest frame shows.
